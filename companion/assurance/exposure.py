@@ -24,7 +24,6 @@ from companion.types.path import Path
 from companion.types.threat import Obstacle, Radar, ThreatPicture, TrackState
 
 SPREADS_S = 30.0  # So far ahead it grows less certain where such an aircraft will be.
-WELL_CLEAR_UP_M = 76.2  # 250 ft, the vertical separation from aircraft that fly straight on (ASTM F3442).
 EYE_M = 2.0  # The eye of a ground vehicle is this high above the ground.
 DEVIATIONS = 2.0  # A threat is assumed nearer by this many standard deviations of its position.
 SPACING_M = 30.0  # Between rows farther apart, further points are examined.
@@ -149,7 +148,7 @@ class Exposure:
         """Return membership and non-membership (K,) of an aircraft that flies on as it does."""
         ahead = np.minimum(at.times - track.stamp_s, SPREADS_S)
         away = track.places_enu_m(at.times) - at.places
-        is_level, away[:, 2] = np.abs(away[:, 2]) <= WELL_CLEAR_UP_M, 0.0
+        is_level, away[:, 2] = np.abs(away[:, 2]) <= track.clear_up_m, 0.0
         place, velocity = _deviation(track, (0, 2)), _deviation(track, (1, 3))
         ranges = np.linalg.norm(away, axis=1)
         nearer = np.maximum(ranges - DEVIATIONS * np.hypot(place, velocity * ahead), 0.0)

@@ -267,9 +267,11 @@ class Pursuers(Struct):
     """The DTs' trees (TTree), one a row of the leading axis.
 
     ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
-    ``count`` (D,) nodes in use; ``model`` (D, 5) speed, RD_max, turn radius, airborne flag, step length;
-    One whose airborne flag is 2 hunts nobody: its rows say where it is now and will be every second, and in
-    place of turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
+    ``count`` (D,) nodes in use; ``model`` (D, 8) speed, RD_max, turn radius, airborne flag, step length, and
+    three more of an aircraft that flies on, whose airborne flag is 2: the vertical separation that it must
+    have [m], the deviation of its height [m], and 1 if it keeps its route for certain. Its rows say where it
+    is now and will be every second. One row more says where it would be in a second if it flew straight. In
+    place of its turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
     ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
     drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
     (:func:`~companion.kernels.printed.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
@@ -395,13 +397,16 @@ def _index_arrays(capacity: int, leading: tuple[int, ...]) -> dict[str, Any]:
 
 
 def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
-    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5), inside ``bounds`` (≥ 4,) [m].
+    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5 or 8).
+
+    They stay inside ``bounds`` (≥ 4,) [m].
 
     ``path_capacity`` is that of the PathTree they are to be used with; with a smaller one its nearest
     nodes are found by looking at all.
     """
     num = len(models)
-    model = np.ascontiguousarray(models, dtype=np.float64).reshape(num, 5)
+    model = np.zeros((num, 8))
+    model[:, : np.shape(models)[1]] = models
     return Pursuers(
         position=np.zeros((num, capacity, 3)),
         heading=np.zeros((num, capacity)),

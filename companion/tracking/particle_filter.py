@@ -209,6 +209,7 @@ class ParticleFilter:
         position_m: FloatArray,
         position_std_m: float,
         velocity_m_s: FloatArray | None = None,
+        velocity_std_m_s: float | None = None,
     ) -> UpdateResult:
         """Update the cloud with a detection.
 
@@ -222,11 +223,16 @@ class ParticleFilter:
             Standard deviation of that position, each axis [m].
         velocity_m_s : ndarray, shape (2,), optional
             Reported velocity east and north [m/s].
+        velocity_std_m_s : float, optional
+            Standard deviation of that velocity, each axis [m/s]; that of the settings if none is given.
         """
+        velocity_std_m_s = velocity_std_m_s or self._settings.velocity_std_m_s
         elapsed = stamp_s - self.stamp_s
         if elapsed < -self._settings.late_max_s:
             return UpdateResult.TOO_LATE
-        rows, observed, variances = self._observation(position_m, position_std_m, velocity_m_s)
+        rows, observed, variances = self._observation(
+            position_m, position_std_m, velocity_m_s, velocity_std_m_s
+        )
         noise = process_noise(elapsed, self._settings.acceleration_std_m_s2)
         predicted = self._particles @ transition(elapsed).T
         innovations = observed - predicted @ rows.T
@@ -247,7 +253,11 @@ class ParticleFilter:
         return UpdateResult.APPLIED if elapsed >= 0.0 else UpdateResult.APPLIED_LATE
 
     def _observation(
-        self, position_m: FloatArray, position_std_m: float, velocity_m_s: FloatArray | None
+        self,
+        position_m: FloatArray,
+        position_std_m: float,
+        velocity_m_s: FloatArray | None,
+        velocity_std_m_s: float,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return observation matrix, shape (M, 4), observed values and their variances, shape (M,) each.
 
@@ -257,7 +267,7 @@ class ParticleFilter:
         if velocity_m_s is None or not self._settings.use_reported_velocity:
             return POSITION_ROWS, position_m, np.full(2, position_std_m**2)
         observed = np.array([position_m[0], velocity_m_s[0], position_m[1], velocity_m_s[1]])
-        stds = np.array([position_std_m, self._settings.velocity_std_m_s] * 2)
+        stds = np.array([position_std_m, velocity_std_m_s] * 2)
         return STATE_ROWS, observed, stds**2
 
     def _resample(self, weights: FloatArray) -> None:

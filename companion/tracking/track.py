@@ -12,9 +12,10 @@ from companion.frames import FloatArray
 from companion.tracking.particle_filter import FilterSettings, ParticleFilter, UpdateResult
 from companion.tracking.threat_assigner import VehicleClass
 from companion.tracking.turn_estimate import TurnEstimate
-from companion.types.threat import TrackState
+from companion.types.threat import HEIGHT_STD_M, TrackState
 
 SPEED_COLUMNS = np.array([1, 3])
+NEXT_MAX_S = 600.0  # A next point that is farther away says nothing about the route there.
 MEMORY = 16  # Number of detections with which new ones are compared to find copies.
 
 
@@ -32,6 +33,9 @@ class Detection:
     position_std_m: float
     velocity_enu_m_s: tuple[float, float, float] | None
     is_airborne: bool
+    height_std_m: float | None = None
+    velocity_std_m_s: float | None = None
+    next_enu_m: tuple[float, float, float] | None = None
 
     @property
     def horizontal_m(self) -> FloatArray:
@@ -110,6 +114,37 @@ class TrackSettings:
             return self.steady_acceleration_std_m_s2
         share = self.manoeuvre_share_per_s * kind.speed_m_s
         return min(max(share, self.acceleration_std_min_m_s2), self.acceleration_std_max_m_s2)
+
+
+def route_by(
+    now_s: float, place_enu_m: tuple[float, float, float], speed_m_s: float,
+    next_enu_m: tuple[float, float, float],
+) -> FloatArray | None:  # fmt: skip
+    """Return the route of an aircraft that says where it flies next, shape (3, 4).
+
+    It flies there straight, and on in the same direction and level.
+
+    Parameters
+    ----------
+    now_s : float
+        Clock reading at ``place_enu_m`` [s].
+    place_enu_m, next_enu_m : tuple of float
+        Where it is, and where it flies next: east, north, up [m].
+    speed_m_s : float
+        Its ground speed [m/s].
+
+    Returns
+    -------
+    ndarray or None
+        The route, as :class:`~companion.types.threat.TrackState` has it; None for an aircraft that is there
+        within a second, or that hardly moves.
+    """
+    here, there = np.array(place_enu_m), np.array(next_enu_m)
+    needed_s = math.dist(here[:2], there[:2]) / max(speed_m_s, 1e-3)
+    if not 1.0 < needed_s < NEXT_MAX_S:
+        return None
+    on = there + np.append(there[:2] - here[:2], 0.0) / needed_s
+    return np.column_stack([now_s + np.array([0.0, needed_s, needed_s + 1.0]), [here, there, on]])
 
 
 class Track:
@@ -191,8 +226,9 @@ class Track:
         if is_outside or not self._is_within_reach(self._latest, detection):
             return self._gate_out(detection)
         result = self._filter.observe(
-            detection.stamp_s, detection.horizontal_m, detection.position_std_m, detection.velocity_m_s
-        )
+            detection.stamp_s, detection.horizontal_m, detection.position_std_m, detection.velocity_m_s,
+            detection.velocity_std_m_s,
+        )  # fmt: skip
         self._gated.clear()
         self._accept(detection)
         return result.value
@@ -208,6 +244,9 @@ class Track:
             velocity_up = self._latest.velocity_enu_m_s[2]
         up = self._latest.position_enu_m[2] + velocity_up * (instant - self._latest.stamp_s)
         speed = math.hypot(mean[1], mean[3])
+        route = None
+        if self.vehicle_class.flies_on and self._latest.next_enu_m is not None:
+            route = route_by(instant, (float(mean[0]), float(mean[2]), up), speed, self._latest.next_enu_m)
         return TrackState(
             stamp_s=instant,
             identity=self.identity,
@@ -221,6 +260,8 @@ class Track:
             observed_s=self.observed_s,
             flies_on=self.vehicle_class.flies_on,
             turn_rate_rad_s=self._turn.rate_rad_s,
+            height_std_m=self._latest.height_std_m or HEIGHT_STD_M,
+            route=route,
         )
 
     @property

@@ -52,6 +52,8 @@ class TrackerSettings:
         Number of successive sightings at which two tracks must agree to be merged.
     position_std_m, position_std_min_m : float
         Standard deviation of a detection that states none, and the smallest one that is accepted [m].
+    height_std_min_m, velocity_std_min_m_s : float
+        The smallest standard deviations of height [m] and velocity [m/s] that are accepted.
     track : TrackSettings
         Settings of each track.
     classes : VehicleClassSettings
@@ -70,6 +72,8 @@ class TrackerSettings:
     twin_sightings: int = 6
     position_std_m: float = 8.0
     position_std_min_m: float = 0.5
+    height_std_min_m: float = 1.0
+    velocity_std_min_m_s: float = 0.3
     track: TrackSettings = field(default_factory=TrackSettings)
     classes: VehicleClassSettings = field(default_factory=VehicleClassSettings)
 
@@ -170,7 +174,8 @@ class Tracker:
         settings = self._settings
         velocity, std = report.velocity_enu_m_s, report.position_std_m
         numbers = [report.stamp_s, report.latitude_deg, report.longitude_deg, report.altitude_amsl_m]
-        numbers += [*(velocity or ()), *(() if std is None else (std,))]
+        stds = (std, report.altitude_std_m, report.velocity_std_m_s)
+        numbers += [*(velocity or ()), *(report.next_point or ()), *(one for one in stds if one is not None)]
         if not all(map(math.isfinite, numbers)):
             return "not_finite"
         if report.stamp_s > now_s + settings.future_tolerance_s:
@@ -192,7 +197,20 @@ class Tracker:
             position_std_m=min(max(std, settings.position_std_min_m), settings.range_max_m),
             velocity_enu_m_s=velocity,
             is_airborne=report.emitter is Emitter.AIR,
+            height_std_m=_at_least(report.altitude_std_m, settings.height_std_min_m),
+            velocity_std_m_s=_at_least(report.velocity_std_m_s, settings.velocity_std_min_m_s),
+            next_enu_m=self._next_point(report),
         )
+
+    def _next_point(self, report: TrackReport) -> tuple[float, float, float] | None:
+        """Return where the vehicle says that it flies next [m]; None if that is not plausible."""
+        if report.next_point is None:
+            return None
+        latitude, longitude, altitude = report.next_point
+        if abs(latitude) > 90.0 or abs(longitude) > 180.0 or abs(altitude) > self._settings.altitude_max_m:
+            return None
+        east, north, up = self._frame.local_from_global(latitude, longitude, altitude)
+        return (east, north, up) if math.hypot(east, north) <= self._settings.range_max_m else None
 
     def _is_in_range(self, report: TrackReport) -> bool:
         on_globe = abs(report.latitude_deg) <= 90.0 and abs(report.longitude_deg) <= 180.0
@@ -306,6 +324,11 @@ class Tracker:
             del self._seen_as_one[pair]
         del self._tracks[identity], self._senders[identity]
         self.counters[reason] += 1
+
+
+def _at_least(std: float | None, least: float) -> float | None:
+    """Return a reported standard deviation, at least ``least``; None if none was reported."""
+    return None if std is None or std <= 0.0 else max(std, least)
 
 
 def _is_same(one: TrackState, other: TrackState) -> bool:

@@ -342,6 +342,11 @@ class TrackReport:
         Standard deviation of the horizontal position, if the message has it [m].
     velocity_enu_m_s : tuple of float or None
         Velocity over the ground, if the message has it [m/s].
+    altitude_std_m, velocity_std_m_s : float or None
+        Standard deviations of altitude and of velocity, if the message has them [m, m/s].
+    next_point : tuple of float or None
+        Latitude, longitude [deg] and altitude above mean sea level [m] of where the vehicle says that it
+        flies next.
     """
 
     stamp_s: float
@@ -353,6 +358,9 @@ class TrackReport:
     altitude_amsl_m: float
     velocity_enu_m_s: tuple[float, float, float] | None
     position_std_m: float | None
+    altitude_std_m: float | None = None
+    velocity_std_m_s: float | None = None
+    next_point: tuple[float, float, float] | None = None
 
     @property
     def sender(self) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 
 from companion.frames import FloatArray
 
+WELL_CLEAR_UP_M = 76.2  # Vertical separation of well clear: 250 ft, ASTM F3442.
+HEIGHT_STD_M = 4.0  # Standard deviation of a reported height, where the report states none.
 TURNS_S = 30.0  # An aircraft that turns or climbs is foreseen to do so for so long, and to fly straight then.
 
 
@@ -104,6 +106,16 @@ class TrackState:
         True if it is no pursuer and is assumed to fly on as it does.
     turn_rate_rad_s : float
         How fast an aircraft that flies on turns, counter-clockwise [rad/s].
+    clear_up_m : float
+        Vertical separation that an aircraft that flies on must have [m]; the horizontal one is
+        ``max_threat_radius_m``.
+    height_std_m : float
+        Standard deviation of the height [m].
+    route : ndarray, shape (N, 4), or None
+        Clock reading [s], east, north and up [m] of where it says that it will be, in the order of time. It
+        goes on after the last row as it did before it.
+    keeps_route : bool
+        True if it flies its route for certain; otherwise it may also fly straight on from now.
     """
 
     stamp_s: float
@@ -118,17 +130,24 @@ class TrackState:
     observed_s: float
     flies_on: bool = False
     turn_rate_rad_s: float = 0.0
+    clear_up_m: float = WELL_CLEAR_UP_M
+    height_std_m: float = HEIGHT_STD_M
+    route: FloatArray | None = None
+    keeps_route: bool = False
 
     def places_enu_m(self, times_s: FloatArray) -> FloatArray:
-        """Return where it will be, (N, 3) [m]: it turns and climbs on for :data:`TURNS_S`.
+        """Return where it will be, (N, 3) [m].
 
-        Then it flies straight and level.
+        It flies its route. Without one it turns and climbs on for :data:`TURNS_S`, and flies straight and
+        level then.
 
         Parameters
         ----------
         times_s : ndarray, shape (N,)
             Clock readings [s].
         """
+        if self.route is not None:
+            return _places_on_route(self.route, times_s)
         ahead = times_s - self.stamp_s
         turning = np.clip(ahead, 0.0, TURNS_S)
         east, north, up = self.velocity_enu_m_s
@@ -138,6 +157,14 @@ class TrackState:
         half = (east + 1j * north) * (chord * np.exp(0.5j * turned) + straight * np.exp(1j * turned))
         moved = np.column_stack([half.real, half.imag, up * np.minimum(ahead, TURNS_S)])
         return np.asarray(np.asarray(self.position_enu_m) + moved)
+
+
+def _places_on_route(route: FloatArray, times_s: FloatArray) -> FloatArray:
+    """Return the places (N, 3) on a route (M, 4) of two rows or more at clock readings (N,)."""
+    row = np.clip(np.searchsorted(route[:, 0], times_s, side="right") - 1, 0, len(route) - 2)
+    begins, ends = route[row], route[row + 1]
+    share = np.maximum(times_s - begins[:, 0], 0.0) / (ends[:, 0] - begins[:, 0])
+    return np.asarray(begins[:, 1:] + share[:, None] * (ends[:, 1:] - begins[:, 1:]))
 
 
 @dataclass(frozen=True, slots=True)

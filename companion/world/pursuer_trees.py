@@ -11,6 +11,7 @@ from companion.kernels.arrays import Obstacles, Pursuers, empty_pursuers
 from companion.kernels.printed.threat_tree import FLIES_ON, re_root
 from companion.types.threat import TURNS_S, ThreatTree, TrackState
 
+NOT_PASSING = (0.0, 0.0, 0.0)  # In a model's columns for aircraft that fly on.
 STEP_S = 2.0  # One edge of a TTree takes this driving time.
 CAPACITY = 1500  # A TTree has at most this many nodes.
 # A plan starts with at most this many nodes of the last one, so that it can grow its own.
@@ -42,7 +43,7 @@ def threat_trees(
     with_corners : bool
         Whether the trees contain the shortest paths round the obstacles' corners from the start.
     """
-    models = np.array([_model_of(track) for track in tracks], dtype=np.float64).reshape(-1, 5)
+    models = np.array([_model_of(track) for track in tracks], dtype=np.float64).reshape(-1, 8)
     trees = empty_pursuers(CAPACITY, models, np.array(bounds, dtype=np.float64), PATH_CAPACITY)
     before = {(tree.identity, tree.is_airborne): tree for tree in kept}
     for d, track in enumerate(tracks):
@@ -61,8 +62,9 @@ def _model_of(track: TrackState) -> list[float]:
     speed, reach = track.speed_max_m_s, track.max_threat_radius_m
     if track.flies_on:
         place, velocity = deviations(track)
-        return [speed, reach, place, FLIES_ON, velocity]
-    return [speed, reach, track.turn_radius_m, float(track.is_airborne), STEP_S * speed]
+        passing = [track.clear_up_m, track.height_std_m, float(track.keeps_route)]
+        return [speed, reach, place, FLIES_ON, velocity, *passing]
+    return [speed, reach, track.turn_radius_m, float(track.is_airborne), STEP_S * speed, *NOT_PASSING]
 
 
 def deviations(track: TrackState) -> tuple[float, float]:
@@ -76,15 +78,19 @@ def deviations(track: TrackState) -> tuple[float, float]:
 def extend_ahead(trees: Pursuers, d: int, track: TrackState) -> None:
     """Fill tree ``d`` in place for an aircraft that flies on: where it is, and will be every second.
 
-    The last two rows are on the straight line that it goes on along.
+    The last two rows are on the straight line that it goes on along. One row more is where it would be in a
+    second if it flew straight from now.
     """
-    is_straight = track.turn_rate_rad_s == 0.0 and track.velocity_enu_m_s[2] == 0.0
-    seconds = np.arange(2.0 if is_straight else TURNS_S + 2.0)
+    turns_s = 0.0 if track.turn_rate_rad_s == 0.0 and track.velocity_enu_m_s[2] == 0.0 else TURNS_S
+    if track.route is not None:
+        turns_s = min(max(0.0, math.ceil(track.route[-2, 0] - track.stamp_s)), CAPACITY - 3.0)
+    seconds = np.arange(turns_s + 2.0)
     places, n = track.places_enu_m(track.stamp_s + seconds), len(seconds)
     steps = np.diff(places, axis=0, append=2.0 * places[-1:] - places[-2:-1])
     trees.position[d, :n], trees.time[d, :n] = places, track.stamp_s + seconds
     trees.parent[d, :n] = np.arange(-1, n - 1)
     trees.heading[d, :n] = np.arctan2(steps[:, 1], steps[:, 0])
+    trees.position[d, n] = np.asarray(track.position_enu_m) + track.velocity_enu_m_s
     trees.count[d] = n
 
 

@@ -1,5 +1,7 @@
 """An aircraft that crosses is passed well clear; beside the same flight that takes it for a vehicle."""
 
+import math
+
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -65,3 +67,51 @@ def test_far_above_it_is_nothing(up_m):
     near, told = crossed(Dialect.PX4, up_m)
     assert near < 150.0
     assert {kind for kind, _ in told} <= {"mode", "mission", "takeover", "swap", "keep", "fault", "return"}
+
+
+def turned_into(*, says_next):
+    """A flight whose way an aircraft turns into: how near they came, and when the pilot was told.
+
+    It flies west, abeam of the way, turns left at 3°/s, and flies south over where they would meet.
+    """
+    harness = SitlHarness(mission_from_text(LONG, "turning.yaml"), dialect=Dialect.PX4)
+    speed, rate, straight_s = 40.0, math.radians(3.0), 20.0
+    radius, turn_s = speed / rate, 0.5 * math.pi / rate
+    begins_s = MEET_S - straight_s - turn_s
+    corner = np.array([25.0 * MEET_S, speed * straight_s + radius])
+    near, due = [], [0.0]
+
+    def state(now_s):
+        turned = rate * min(max(now_s - begins_s, 0.0), turn_s)
+        flown = min(now_s - begins_s, 0.0), max(now_s - begins_s - turn_s, 0.0)
+        place = corner + radius * np.array([1.0 - math.sin(turned), math.cos(turned) - 1.0])
+        return (
+            place + speed * np.array([-flown[0], -flown[1]]),
+            speed * np.array([-math.cos(turned), -math.sin(turned)]),
+        )
+
+    def on_step(harness):
+        place, velocity = state(harness.now_s)
+        near.append(math.dist(harness.simulator.truth.path[-1][1:3], place))
+        if harness.now_s < due[0]:
+            return
+        due[0] += 1.0
+        there = corner if harness.now_s < begins_s else (corner[0], -4000.0)
+        degrees = harness.simulator.autopilot.projection.degrees
+        at, next_at = ([round(1e7 * value) for value in degrees(*where)] for where in (place, there))
+        report = mavlink.MAVLink_utm_global_position_message(
+            0, bytes(range(1, 19)), *at, 684_000, 0, *(round(100.0 * v) for v in velocity[::-1]), 0,
+            2_500, 3_000, 500, *next_at, 684_000, 100, 3, 0xFF if says_next else 0x7F,
+        )  # fmt: skip
+        for channel in harness.simulator.autopilot.channels:
+            channel.send_as(report, 200, 1)
+
+    harness.fly(MEET_S + 20.0, on_step)
+    return min(near), min(entry.stamp_s for entry in harness.recorder.decisions if entry.kind == "traffic")
+
+
+def test_the_pilot_is_told_sooner_of_an_aircraft_that_says_where_it_flies_next():
+    near, told_s = turned_into(says_next=True)
+    _, without_s = turned_into(says_next=False)
+    assert near > 609.6
+    assert told_s < without_s - 2.0

@@ -115,3 +115,48 @@ def test_two_that_tell_in_the_same_way_are_never_one():
         seen(target, "icao:00ABCE", [second])
         seen(target, "icao:00ABCF", [second + 0.3])
     assert len(target.tracks(40.0)) == 2
+
+
+def with_next(stamp_s, east_m, there_m, **stds):
+    """A report of an aircraft that flies east at 60 m/s and names the point it flies to next."""
+    sighting = report(
+        stamp_s, east_m, velocity=(60.0, 0.0, 0.0), emitter=Emitter.AIR, identity="utm:01", up_m=100.0
+    )
+    return replace(sighting, next_point=FRAME.global_from_local(*there_m), **stds)
+
+
+def test_an_aircraft_that_names_its_next_point_is_foreseen_there():
+    """From (0, 0) it needs 20 s for 1,200 m to the north, and flies on north, level."""
+    target = Tracker(FRAME, (), seed=7)
+    target.observe(with_next(10.0, 0.0, (0.0, 1200.0, 160.0)), 10.0)
+    (track,) = target.tracks(10.0)
+    speed = np.hypot(*track.velocity_enu_m_s[:2])
+    arrival_s = 10.0 + 1200.0 / speed
+    places = track.places_enu_m(np.array([10.0, arrival_s, arrival_s + 10.0]))
+    expected = [[0.0, 0.0, 100.0], [0.0, 1200.0, 160.0], [0.0, 1200.0 + 10.0 * speed, 160.0]]
+    assert places == pytest.approx(np.array(expected), abs=12.0)  # 8 m is known of where it is.
+    assert not track.keeps_route
+
+
+@pytest.mark.parametrize("there", [(3.0, 0.0, 100.0), (90_000.0, 0.0, 100.0), (200_000.0, 0.0, 100.0)])
+def test_a_next_point_that_says_nothing_is_left_out(there):
+    """It is there; it needs 25 minutes to it; it lies beyond the frame."""
+    target = Tracker(FRAME, (), seed=7)
+    target.observe(with_next(10.0, 0.0, there), 10.0)
+    assert target.tracks(10.0)[0].route is None
+
+
+def test_reported_deviations_are_used_down_to_the_smallest_that_is_believed():
+    spreads, heights = [], []
+    for velocity_std, altitude_std in ((5.0, 30.0), (0.5, 3.0), (1e-3, 1e-3)):
+        target = Tracker(FRAME, (), seed=7)
+        for stamp in range(10):
+            target.observe(
+                with_next(float(stamp), 60.0 * stamp, (0.0, 0.0, 0.0), position_std_m=50.0,
+                          velocity_std_m_s=velocity_std, altitude_std_m=altitude_std), float(stamp),
+            )  # fmt: skip
+        (track,) = target.tracks(9.0)
+        spreads.append(np.sqrt(track.covariance[1, 1]))
+        heights.append(track.height_std_m)
+    assert spreads[0] > 1.5 * spreads[1] > spreads[2]
+    assert heights == [30.0, 3.0, 1.0]

@@ -53,7 +53,7 @@ def test_an_aircraft_that_flies_on_is_foreseen_by_its_own_velocity():
     trees = threat_trees([passing], WALLS, 100.0, BOUNDS)
     assert trees.position[0, :2].tolist() == [[0.0, 0.0, 150.0], [50.0, 10.0, 150.0]]
     assert trees.time[0, :2].tolist() == [5.0, 6.0]
-    assert trees.model[0].tolist() == [20.0, 200.0, 4.0, 2.0, 2.0]
+    assert trees.model[0].tolist() == [20.0, 200.0, 4.0, 2.0, 2.0, 76.2, 4.0, 0.0]
 
 
 def test_an_aircraft_that_turns_is_foreseen_to_turn_for_half_a_minute():
@@ -74,3 +74,19 @@ def test_an_aircraft_that_turns_is_foreseen_to_turn_for_half_a_minute():
     assert np.diff(courses)[:-1] == pytest.approx(rate)
     assert courses[-1] == pytest.approx(math.pi)
     assert trees.position[0, :32, 2].tolist() == [150.0] * 32
+
+
+def test_an_aircraft_on_a_route_is_foreseen_along_it_and_goes_on_as_at_its_end():
+    """100 m east in 10 s and 60 m north in 3 s; the rows are a second apart."""
+    route = np.array([[5.0, 0.0, 0.0, 150.0], [15.0, 100.0, 0.0, 150.0], [18.0, 100.0, 60.0, 180.0]])
+    flies = replace(
+        track(0.0, 0.0, velocity=(10.0, 0.0), airborne=True, up=150.0, stamp=5.0), flies_on=True, route=route
+    )
+    expected = [[0.0, 0.0, 150.0], [50.0, 0.0, 150.0], [100.0, 20.0, 160.0], [100.0, 100.0, 200.0]]
+    assert flies.places_enu_m(np.array([4.0, 10.0, 16.0, 20.0])).tolist() == expected
+    trees = threat_trees([flies], WALLS, 100.0, BOUNDS)
+    assert trees.count[0] == 12
+    assert trees.position[0, :12] == pytest.approx(flies.places_enu_m(5.0 + np.arange(12.0)))
+    circles = replace(flies, route=np.vstack([route, [60.0, 100.0, 60.0, 180.0]]), keeps_route=True)
+    assert circles.places_enu_m(np.array([1e4])).tolist() == [[100.0, 60.0, 180.0]]
+    assert threat_trees([circles], WALLS, 100.0, BOUNDS).model[0, 7] == 1.0

@@ -9,7 +9,6 @@ import numpy as np
 
 from companion.flight.messages.announcer import Announcer
 from companion.flight.state.decision import DecisionKind
-from companion.kernels.printed.reachability import WELL_CLEAR_UP_M
 from companion.types.state import Ownship
 from companion.types.threat import TrackState
 
@@ -77,5 +76,5 @@ def _loses_well_clear(ownship: Ownship, track: TrackState) -> float | None:
     moved = np.outer(ahead, (*ownship.velocity_m_s, ownship.climb_m_s))
     away = track.places_enu_m(ownship.stamp_s + ahead) - ownship.position_enu_m - moved
     flat = np.hypot(away[:, 0], away[:, 1])
-    is_lost = (flat <= track.max_threat_radius_m) & (np.abs(away[:, 2]) <= WELL_CLEAR_UP_M)
+    is_lost = (flat <= track.max_threat_radius_m) & (np.abs(away[:, 2]) <= track.clear_up_m)
     return float(ahead[np.argmin(flat)]) if is_lost.any() else None

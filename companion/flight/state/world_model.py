@@ -13,7 +13,6 @@ from companion.config.compose import world_of
 from companion.config.rules import Rules
 from companion.frames import direction_from_course
 from companion.kernels.geometry.line_of_sight import sight_blocked
-from companion.kernels.printed.reachability import WELL_CLEAR_UP_M
 from companion.kernels.threat.fuzzy_threat import PASSES, point_threat
 from companion.kernels.workspace import threat_scene
 from companion.tracking.ownship import OwnshipEstimator, OwnshipSettings
@@ -126,7 +125,7 @@ class WorldModel:
             reach[radius] = track.max_threat_radius_m
             row[3] = float(not sight_blocked(row[0], row[1], row[2] + EYE_M, x, y, z, walls))
             if track.flies_on:
-                row[3] = PASSES * (abs(track.position_enu_m[2] - z) <= WELL_CLEAR_UP_M)
+                row[3] = PASSES * (abs(track.position_enu_m[2] - z) <= track.clear_up_m)
                 row[2] = z
         everything = self._snapshot.threats._replace(known=np.ones_like(self._snapshot.threats.known))
         mu, nu = point_threat(

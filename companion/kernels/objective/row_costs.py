@@ -19,14 +19,14 @@ from companion.kernels.geometry.prism_distance import prism_bound, prism_clearan
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
-from companion.kernels.printed.reachability import WELL_CLEAR_UP_M, passing_place, passing_spread
+from companion.kernels.printed.reachability import passing_place, passing_spread
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.pursuit_game import PASSES_BY, threatened_from
 from companion.kernels.workspace import FilterScratch, PathRows
 
 SEEN = 0.5  # A second counts as in sight from this membership on.
-HEIGHT_STD_M, CLIMB_STD = 4.0, 0.25  # Of an aircraft that flies on; the second as a share of its climb.
+CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on climbs, as a share of that.
 AT_CENTRE = 5.0  # A second in the middle of a well clear volume costs so much more than one at its surface.
 MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
@@ -111,12 +111,17 @@ def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, tim
 
     It is 1 at the surface of its well clear volume, rises to :data:`AT_CENTRE` at its centre, and falls to 0
     at a margin beyond it. The volume is larger by twice the standard deviation of where the aircraft will be.
-    One that turns may turn on, or fly straight on from now; the worse counts.
+    One that turns, or says where it flies next, may do so, or fly straight on from now; the worse counts.
     """
     last = pursuers.count[d] - 2
     worst = danger_if(passing_place(pursuers, d, time, last), pursuers, d, x, y, z, time)
-    if last > 0:
-        straight = passing_place(pursuers, d, time, 0)
+    if last > 0 and pursuers.model[d, 7] == 0.0:
+        now, soon, ahead = pursuers.position[d, 0], pursuers.position[d, last + 2], time - pursuers.time[d, 0]
+        straight = (
+            now[0] + ahead * (soon[0] - now[0]),
+            now[1] + ahead * (soon[1] - now[1]),
+            now[2] + ahead * (soon[2] - now[2]),
+        )
         worst = max(worst, danger_if(straight, pursuers, d, x, y, z, time))
     return worst
 
@@ -126,8 +131,8 @@ def danger_if(
     there: tuple[float, float, float], pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float
 ) -> float:
     """The danger if aircraft ``d`` is ``there`` at ``time`` [m]."""
-    climbed = there[2] - pursuers.position[d, 0, 2]
-    height = WELL_CLEAR_UP_M + 2.0 * math.hypot(HEIGHT_STD_M, CLIMB_STD * climbed)
+    climbed = 0.0 if pursuers.model[d, 7] else there[2] - pursuers.position[d, 0, 2]
+    height = pursuers.model[d, 5] + 2.0 * math.hypot(pursuers.model[d, 6], CLIMB_STD * climbed)
     above = abs(there[2] - z) - height
     if above > MARGIN_UP_M:
         return 0.0

@@ -35,7 +35,6 @@ from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
 NUM_NEIGHBOURS = 4  # So many neighbours of a directly reachable node are tested as well.
 SPREADS_S = 30.0  # So far ahead it grows less certain where an aircraft that flies on will be.
-WELL_CLEAR_UP_M = 76.2  # Vertical separation of well clear: 250 ft, ASTM F3442.
 NEWS_M = 15.0  # A position of the DT that is nearer by this much is looked at again.
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
@@ -243,7 +242,7 @@ def passes_by(trees: Pursuers, d: int, x: float, y: float, z: float, time: float
     east, north, height = passing_place(trees, d, time, trees.count[d] - 2)
     dx, dy, up = east - x, north - y, abs(height - z)
     away = math.sqrt(dx * dx + dy * dy)
-    out[d, 3] = PASSES if away - spread <= trees.model[d, 1] and up <= WELL_CLEAR_UP_M else 0.0
+    out[d, 3] = PASSES if away - spread <= trees.model[d, 1] and up <= trees.model[d, 5] else 0.0
     share = max(away - spread, 0.0) / max(away, 1.0)
     out[d, 0], out[d, 1], out[d, 2] = x + share * dx, y + share * dy, z
 

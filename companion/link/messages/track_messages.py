@@ -14,6 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Collection
+from typing import NamedTuple
 
 from companion.link.messages.heights import Datum, Height
 from companion.link.messages.vehicle_telemetry import (
@@ -57,15 +58,21 @@ _ADSB_DATUMS = {
 }
 _SIGMAS_95 = 2.4477
 
-ReportParts = tuple[
-    str,  # Identity.
-    Emitter,
-    float,  # Age [s].
-    tuple[float, float],  # Latitude and longitude [deg].
-    Height,
-    tuple[float, float, float] | None,  # Velocity east, north, up [m/s].
-    float | None,  # Standard deviation of the position [m].
-]
+
+class ReportParts(NamedTuple):
+    """What one message says of a vehicle."""
+
+    identity: str
+    emitter: Emitter
+    age_s: float
+    place: tuple[float, float]  # Latitude and longitude [deg].
+    height: Height
+    velocity_enu_m_s: tuple[float, float, float] | None
+    position_std_m: float | None
+    height_std_m: float | None = None
+    velocity_std_m_s: float | None = None
+    next_place: tuple[float, float] | None = None  # Latitude and longitude of where it flies next [deg].
+    next_height: Height | None = None
 
 
 def _above_sea(value_m: float) -> Height:
@@ -85,6 +92,17 @@ def _remote_id_height(message: Message) -> Height:
 def _along_course(course_cdeg: float, speed_m_s: float, climb_m_s: float) -> tuple[float, float, float]:
     course = math.radians(course_cdeg * 1e-2)
     return velocity(speed_m_s * math.sin(course), speed_m_s * math.cos(course), climb_m_s, "track_velocity")
+
+
+def _next_of(message: Message) -> tuple[tuple[float, float], Height] | tuple[None, None]:
+    """Return place and height of the next waypoint of a UTM_GLOBAL_POSITION that has a possible one."""
+    if not message.flags & 0x80:
+        return None, None
+    try:
+        height = Height(altitude(message.next_alt * 1e-3, "track_altitude"), Datum.ELLIPSOID)
+        return place(message.next_lat, message.next_lon, "track_position"), height
+    except RefusedError:  # Where it is now counts all the same.
+        return None, None
 
 
 class Tracks:
@@ -141,23 +159,30 @@ class Tracks:
             return None  # Without an id it describes the sender itself.
         if self._sources is not None and frame.system_id not in self._sources:
             raise RefusedError("track_unlisted")
-        identity, emitter, age_s, (latitude, longitude), height, velocity_enu_m_s, std = decoder(
-            message, frame
-        )
-        self._check_echo(identity, frame, stamp_s)
-        if age_s > _AGE_MAX_S:
+        parts = decoder(message, frame)
+        self._check_echo(parts.identity, frame, stamp_s)
+        if parts.age_s > _AGE_MAX_S:
             raise RefusedError("track_old")
+        next_point = None
+        if parts.next_place is not None and parts.next_height is not None:
+            next_point = (*parts.next_place, self._above_sea_m(parts.next_height))
         return TrackReport(
-            stamp_s=stamp_s - age_s,
+            stamp_s=stamp_s - parts.age_s,
             source=f"{kind} {frame.system_id}/{frame.component_id}",
-            identity=identity,
-            emitter=emitter,
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl_m=altitude(self._telemetry.heights.above_sea_m(height), "track_altitude"),
-            velocity_enu_m_s=velocity_enu_m_s,
-            position_std_m=std,
+            identity=parts.identity,
+            emitter=parts.emitter,
+            latitude_deg=parts.place[0],
+            longitude_deg=parts.place[1],
+            altitude_amsl_m=self._above_sea_m(parts.height),
+            velocity_enu_m_s=parts.velocity_enu_m_s,
+            position_std_m=parts.position_std_m,
+            altitude_std_m=parts.height_std_m,
+            velocity_std_m_s=parts.velocity_std_m_s,
+            next_point=next_point,
         )
+
+    def _above_sea_m(self, height: Height) -> float:
+        return altitude(self._telemetry.heights.above_sea_m(height), "track_altitude")
 
     def _check_echo(self, identity: str, frame: RawFrame, stamp_s: float) -> None:
         """Refuse a report that the autopilot repeats under its own ids.
@@ -193,7 +218,7 @@ class Tracks:
         if has_velocity and speed != _UNKNOWN_SPEED and (has_course or speed == 0):
             climb = message.ver_velocity * 1e-2 if emitter is Emitter.AIR else 0.0
             velocity_enu_m_s = _along_course(message.heading, speed * 1e-2, climb)
-        return (
+        return ReportParts(
             self._adsb_identity(message),
             emitter,
             float(message.tslc),
@@ -228,7 +253,7 @@ class Tracks:
             velocity_enu_m_s = _along_course(message.COG, message.velocity * 1e-2, 0.0)
         where = place(message.lat, message.lon, "track_position")
         std = 10.0 / _SIGMAS_95 if message.flags & 0x01 else None
-        return (
+        return ReportParts(
             f"mmsi:{message.MMSI:09d}",
             Emitter.GROUND,
             float(message.tslc),
@@ -250,7 +275,7 @@ class Tracks:
             velocity_enu_m_s = _along_course(message.direction, message.speed_horizontal * 1e-2, climb_m_s)
         accuracy = message.horizontal_accuracy
         bound = _RID_BOUNDS_M[accuracy] if accuracy < len(_RID_BOUNDS_M) else None
-        return (
+        return ReportParts(
             f"rid:{identity}",
             Emitter.AIR,
             0.0,
@@ -261,7 +286,7 @@ class Tracks:
         )
 
     def _position(self, message: Message, frame: RawFrame) -> ReportParts:
-        return (
+        return ReportParts(
             f"system:{frame.system_id}",
             self._emitter(frame.system_id),
             0.0,
@@ -281,7 +306,7 @@ class Tracks:
             up = -message.vz * 1e-2 if message.flags & 0x40 else 0.0
             velocity_enu_m_s = velocity(message.vy * 1e-2, message.vx * 1e-2, up, "track_velocity")
         named = bytes(message.uas_id).rstrip(b"\0").hex() if message.flags & 0x02 else ""
-        return (
+        return ReportParts(
             f"utm:{named}" if named else f"system:{frame.system_id}",
             Emitter.AIR,
             0.0,
@@ -289,6 +314,9 @@ class Tracks:
             Height(altitude(message.alt * 1e-3, "track_altitude"), Datum.ELLIPSOID),
             velocity_enu_m_s,
             message.h_acc * 1e-3 or None,
+            message.v_acc * 1e-3 or None,
+            message.vel_acc * 1e-3 or None,
+            *_next_of(message),
         )
 
     def _follow(self, message: Message, frame: RawFrame) -> ReportParts:
@@ -297,7 +325,7 @@ class Tracks:
             north, east, down = (finite(value, SPEED_MAX_M_S, "track_velocity") for value in message.vel)
             velocity_enu_m_s = velocity(east, north, -down, "track_velocity")
         std = finite(message.position_cov[0], _STD_MAX_M, "track_accuracy")
-        return (
+        return ReportParts(
             f"system:{frame.system_id}",
             self._emitter(frame.system_id),
             0.0,

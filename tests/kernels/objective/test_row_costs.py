@@ -180,3 +180,20 @@ def test_an_aircraft_that_climbs_may_level_off_and_one_that_turns_may_fly_straig
     assert math.hypot(east - 1000.0, north - 1000.0) > 500.0
     assert pursuit_danger(east, north, 100.0, 20.0, there) == pytest.approx(5.0)
     assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) > 4.5
+
+
+def test_an_aircraft_that_says_where_it_flies_next_may_fly_straight_unless_it_keeps_its_route():
+    """North at 50 m/s; its route leads east. After 20 s it is 1000 m north or east of where it was."""
+    route = np.array([[0.0, 1000.0, 0.0, 100.0], [20.0, 2000.0, 0.0, 100.0], [21.0, 2050.0, 0.0, 100.0]])
+    says = replace(
+        track(1000.0, 0.0, velocity=(0.0, 50.0), airborne=True, up=100.0), flies_on=True,
+        max_threat_radius_m=600.0, covariance=np.diag([100.0, 1.0, 100.0, 1.0]), route=route,
+    )  # fmt: skip
+    there = objective(tracks=[says])
+    assert pursuit_danger(2000.0, 0.0, 100.0, 20.0, there) == 5.0
+    assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) == 5.0
+    there = objective(tracks=[replace(says, keeps_route=True, clear_up_m=30.0, height_std_m=5.0)])
+    assert pursuit_danger(2000.0, 0.0, 100.0, 20.0, there) == 5.0
+    assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) == 0.0
+    assert pursuit_danger(2000.0, 0.0, 100.0 + 40.0, 20.0, there) == pytest.approx(1.0)  # 30 m and 2·5 m
+    assert pursuit_danger(2000.0, 0.0, 100.0 + 56.0, 20.0, there) == 0.0

@@ -129,6 +129,9 @@ def utm(system=42, *, flags=0xFF, **changes):
         "vx": 100,
         "vy": 200,
         "vz": -300,
+        "v_acc": 0,
+        "vel_acc": 0,
+        "next": (0, 0, 0),
     } | changes
     return packed(
         mavlink.MAVLink_utm_global_position_message(
@@ -142,11 +145,9 @@ def utm(system=42, *, flags=0xFF, **changes):
             fields["vy"],
             fields["vz"],
             fields["h_acc"],
-            0,
-            0,
-            0,
-            0,
-            0,
+            fields["v_acc"],
+            fields["vel_acc"],
+            *fields["next"],
             0,
             3,
             flags,
@@ -163,6 +164,25 @@ def test_utm():
     assert reports(started(), utm(flags=0x0C))[0].identity == "system:42"
     assert reports(started(), utm(flags=0x0C))[0].velocity_enu_m_s is None
     assert reports(started(), utm(h_acc=0))[0].position_std_m is None
+
+
+def test_utm_says_where_it_flies_next_and_how_sure_it_is():
+    there = (LAT + 50_000, LON - 20_000, 700_000)
+    (report,) = reports(started(), utm(next=there, v_acc=4_000, vel_acc=700))
+    assert report.next_point[:2] == pytest.approx((LAT * 1e-7 + 5e-3, LON * 1e-7 - 2e-3))
+    assert report.next_point[2] - report.altitude_amsl_m == pytest.approx(50.0)  # both over the ellipsoid
+    assert (report.altitude_std_m, report.velocity_std_m_s) == pytest.approx((4.0, 0.7))
+    (silent,) = reports(started(), utm(flags=0x7F, next=there))
+    assert (silent.next_point, silent.altitude_std_m, silent.velocity_std_m_s) == (None, None, None)
+
+
+@pytest.mark.parametrize(
+    "there", [(910_000_000, LON, 0), (LAT, LON, 2**31 - 1)], ids=["latitude", "altitude"]
+)
+def test_utm_with_an_impossible_next_waypoint_is_where_it_is(there):
+    (report,) = reports(started(), utm(next=there))
+    assert report.next_point is None
+    assert report.latitude_deg == pytest.approx(LAT * 1e-7)
 
 
 @pytest.mark.parametrize("flags", [0xFB, 0xF7])
