@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import load_mission
 from companion.research.campaign.campaign_spec import load_campaign
+from companion.research.encounters.daa_scenario import scenario_from_text
 from companion.research.encounters.encounter_model import model_from_text
 from companion.types.events import Dialect
 from sim.bench.encounter_flights import EncounterRunner, encounter_measures, flown_encounter
@@ -63,7 +64,7 @@ def test_measures_of_a_straight_passage_by_hand():
     # Head on at 25 + 60 m/s, 300 m aside: they meet after 1000/85 s, and it has climbed 23.53 m by then.
     times = np.arange(0.0, 60.0, 0.1)
     own = np.column_stack([times, 25.0 * times, 0.0 * times, 0.0 * times + 203.53])
-    found = encounter_measures(own, TRACK)
+    found = encounter_measures(own, {"passing": TRACK})
     assert found["miss_m"] == pytest.approx(300.0, abs=0.1)
     assert found["above_m"] == pytest.approx(200.0 + 2.0 * 1000.0 / 85.0 - 203.53, abs=0.3)
     assert [found[name] for name in ("nmac", "lowc", "lowc_en_route", "lowc_non_cooperative")] == [
@@ -73,9 +74,11 @@ def test_measures_of_a_straight_passage_by_hand():
     x2, z2 = (300.0 / 609.6) ** 2, (20.0 / 76.2) ** 2
     assert found["severity"] == pytest.approx(1.0 - (1.0 - (1.0 - x2) ** 2 * (1.0 - z2)) ** 0.5, abs=0.01)
     high = np.column_stack([own[:, :3], own[:, 3] + 400.0])
-    clear = encounter_measures(high, TRACK)
+    clear = encounter_measures(high, {"passing": TRACK})
     assert not any(clear[name] for name in ("nmac", "lowc", "lowc_en_route", "lowc_non_cooperative"))
     assert clear["severity"] == 0.0
+    far = TRACK + np.array([0.0, 0.0, 5000.0, 0.0, 0.0, 0.0, 0.0])
+    assert encounter_measures(own, {"far": far, "passing": TRACK}) == found
 
 
 @pytest.mark.slow
@@ -104,3 +107,19 @@ def test_a_campaigns_encounter_is_flown_alone_and_with_the_aircraft():
     assert (outcome.measures["without.lowc"], outcome.measures["lowc"]) == (True, False)
     assert outcome.measures["without.miss_m"] == pytest.approx(outcome.measures["drawn_miss_m"], abs=6.0)
     assert set(outcome.paths) == {"true_path", "passing"}
+
+
+def test_a_scenario_is_flown_clear_before_there_is_anything_to_tell():
+    """Head on, with 150 m between the ways: the other aircraft at 60 m/s, ours at 25 m/s."""
+    rows = []
+    for second in range(0, 101, 2):
+        own, other = (30.0 * second - 3000.0) / 111_320.0, (6000.0 - 60.0 * second) / 111_320.0
+        rows.append(f"Ownship, 0.0, {own:.7f}, 1000.0, 30.0, 0.0, 0.0, {second}")
+        rows.append(f"Other, {150.0 / 110_574.0:.7f}, {other:.7f}, 1000.0, -60.0, 0.0, 0.0, {second}")
+    head = ["NAME, lat, lon, alt, vx, vy, vz, time", "[none], [deg], [deg], [m], [m/s], [m/s], [m/s], [s]"]
+    scenario = scenario_from_text("\n".join(head + rows), "head-on.daa")
+    mission = load_mission(CONFIGS.parent / "campaigns" / "encounters" / "passing.yaml")
+    row = flown_encounter(mission, scenario, 3, spread=1.0, dialect=Dialect.PX4).measures
+    assert row["without.miss_m"] == pytest.approx(150.0, abs=15.0)
+    assert (row["without.lowc"], row["lowc"], row["success"]) == (True, False, True)
+    assert (row["alert_before_s"], row["alerts"]) == (None, 0)

@@ -40,7 +40,7 @@ from companion.types.mavlink_enums import (
     SystemState,
 )
 
-SPEED_MAX_M_S = 340.0
+SPEED_MAX_M_S = 400.0  # Beyond the 700 kt that DAIDALUS counts on; the tracker has the same limit.
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
 NO_FIX_DEG = 0.01  # A position this close to 0°, 0°, in the sea off Africa, was sent before the first fix.
 

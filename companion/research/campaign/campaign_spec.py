@@ -32,7 +32,8 @@ from companion.research.campaign.flown_methods import (
     mission_part,
     part_of,
 )
-from companion.research.encounters.encounter_model import model_from_text, model_text
+from companion.research.encounters.encounter_model import model_text
+from companion.research.encounters.passing import passing_from_text
 
 SEEDS_MAX = 100_000
 DEFAULT_SETTINGS = "default"  # Name of the setting that changes nothing.
@@ -111,13 +112,13 @@ class Campaign:
     texts : mapping
         Each mission file's text, by the mission's name.
     models : mapping
-        The text of the encounter model of each setting; of encounters only.
+        Text and name of the file of what passes under each setting; of encounters only.
     """
 
     file: str
     config: CampaignConfig
     texts: Mapping[str, str]
-    models: Mapping[str, str] = field(default_factory=dict)
+    models: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
@@ -150,7 +151,7 @@ class Campaign:
         """What distinguishes this campaign from others, fit for JSON; as lists, because the order counts."""
         told = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
         lists = {
-            "models": [[name, _digest(text)] for name, text in self.models.items()],
+            "models": [[name, _digest(text)] for name, (text, _) in self.models.items()],
             "missions": [[name, self.digest(name)] for name in self.texts],
             "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
         }
@@ -224,17 +225,17 @@ def _texts(document: Document, path: Path, config: CampaignConfig) -> dict[str, 
     return texts
 
 
-def _models(document: Document, path: Path, config: CampaignConfig) -> dict[str, str]:
-    """Each setting's encounter model, read once to see that it passes."""
-    texts: dict[str, str] = {}
+def _models(document: Document, path: Path, config: CampaignConfig) -> dict[str, tuple[str, str]]:
+    """Each setting's encounter model or scenario, read once to see that it passes."""
+    texts: dict[str, tuple[str, str]] = {}
     for setting, overlay in config.settings.items():
         key = ("settings", setting, f"{ENCOUNTER}.model")
         file = EncounterConfig.model_validate(part_of(overlay, ENCOUNTER)).model
         if not file:
             raise document.error(("settings", setting), f"a setting with {key[-1]}, the aircraft that pass")
         try:
-            texts[setting] = model_text(path.parent / file)
-            model_from_text(texts[setting], file)
+            texts[setting] = model_text(path.parent / file), file
+            passing_from_text(*texts[setting])
         except ConfigError as error:
             raise document.error(key, f"a model that passes: {error}") from None
     return texts

@@ -45,7 +45,7 @@ class EncounterConfig(Section):
     """The aircraft that pass."""
 
     model: str = ""
-    """File of an encounter model in the format of MIT Lincoln Laboratory, from the campaign's folder on."""
+    """An encounter model in the format of MIT Lincoln Laboratory, or a scenario (.daa), from here on."""
     spread: Annotated[float, Field(ge=0.1, le=10.0)] = 1.5
     """Largest miss distances of the flight alone, over those of the well clear volume of ASTM F3442."""
 

@@ -6,6 +6,7 @@ A risk ratio is the number of events with the service over that without it, on t
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -23,6 +24,7 @@ EVENTS = {
     "lowc_non_cooperative": "loss of well clear, RTCA DO-365 of what does not report itself",
 }
 LOSS = "lowc"
+LATE_S = 25.0  # DAIDALUS' DO_365B_no_SUM.conf: alerting time of its warning.
 DETOUR_S = 3.0  # A flight that arrives later or earlier by more than this made a detour.
 BINS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
     ("closing_m_s", "closing speed [m/s]", (40.0, 60.0, 80.0)),
@@ -40,7 +42,9 @@ def encounter_tables(kind: str, case: Case) -> Iterator[ResultTable]:
     yield _events_table(case)
     yield _detours_table(case)
     for measure, words, edges in BINS:
-        yield _binned_table(case, measure, words, edges)
+        if all(np.isfinite(values_of(sample, measure)).all() for sample in case.samples.values()):
+            yield _binned_table(case, measure, words, edges)
+    yield _alerts_table(case)
 
 
 def _events_table(case: Case) -> ResultTable:
@@ -73,6 +77,32 @@ def _detours_table(case: Case) -> ResultTable:
         ("induced", "lose well clear with the service only"),
     )
     return ResultTable(f"{case.title}: where nothing would have happened", heads, tuple(rows))
+
+
+def _alerts_table(case: Case) -> ResultTable:
+    """How long before the flight alone loses well clear the pilot was told, and how often needlessly."""
+    rows = []
+    for method, sample in case.samples.items():
+        would = happened(sample, f"without.{LOSS}")
+        before = values_of(sample, "alert_before_s")[would]
+        told = before[np.isfinite(before)]
+        needless = int((values_of(sample, "alerts")[~would] > 0).sum())
+        median = float(np.median(told)) if len(told) else math.inf
+        rows.append((
+            Cell(method, method), Cell(str(len(before)), float(len(before))),
+            Cell(str(len(told)), float(len(told))), Cell(f"{median:.0f}" if len(told) else NONE, median),
+            Cell(str(int((told < LATE_S).sum())), float((told < LATE_S).sum())),
+            Cell(f"{needless} of {int((~would).sum())}", float(needless)),
+        ))  # fmt: skip
+    heads = (
+        ("method", ""),
+        ("losses", "encounters in which the flight alone loses well clear by ASTM F3442"),
+        ("told", "those in which the pilot is told of traffic"),
+        ("before [s]", "median time from there to the loss of the flight alone"),
+        ("late", f"those told less than {LATE_S:.0f} s before, the time of DAIDALUS' warning for DO-365"),
+        ("needless", "encounters without such a loss in which the pilot is told, too"),
+    )
+    return ResultTable(f"{case.title}: what the pilot is told", heads, tuple(rows))
 
 
 def _binned_table(case: Case, measure: str, words: str, edges: Sequence[float]) -> ResultTable:
@@ -124,9 +154,11 @@ def values_of(sample: Sample, measure: str) -> FloatArray:
     Returns
     -------
     ndarray, shape (N,)
-        The values.
+        The values; NaN where an encounter has none.
     """
-    return np.array(list(sample.values(Measure(measure, "")).values()))
+    known = sample.values(Measure(measure, ""))
+    flown = sorted(seed for seed, row in sample.rows.items() if row.error is None)
+    return np.array([known.get(seed, np.nan) for seed in flown])
 
 
 def happened(sample: Sample, event: str) -> Flags:

@@ -177,7 +177,8 @@ def test_encounters_have_a_model_for_each_setting(tmp_path):
     (tmp_path / "here.txt").write_text(MODEL.read_text(encoding="utf-8"), encoding="utf-8")
     campaign = load_campaign(passed(tmp_path, "encounter.model: here.txt, encounter.spread: 1.0"))
     assert (campaign.encounter("shifted").spread, campaign.encounter("narrow").spread) == (1.5, 1.0)
-    assert campaign.models == dict.fromkeys(("shifted", "narrow"), MODEL.read_text(encoding="utf-8"))
+    text = MODEL.read_text(encoding="utf-8")
+    assert campaign.models == {"shifted": (text, str(MODEL)), "narrow": (text, "here.txt")}
     assert campaign.mission("first-flight", "narrow").goals[0].acceptance_radius_m == 50.0
     told = campaign.identity()["models"]
     assert told[0][1] == told[1][1]

@@ -1,5 +1,7 @@
 """The tables of encounters, from rows counted by hand."""
 
+from dataclasses import replace
+
 import pytest
 
 from companion.research.campaign.run_store import Row
@@ -22,6 +24,8 @@ def case():
         measures = {
             "success": True, "lowc": happened, "without.lowc": would, "detour_s": late,
             "closing_m_s": closing, "aircraft_m_s": 50.0, "aircraft_up_m": 100.0,
+            "alert_before_s": (40.0, 20.0, 30.0, None)[seed] if would else None,
+            "alerts": int(seed in (0, 1, 2, 5)),
             "miss_m": 100.0 * seed, "above_m": 10.0, "without.miss_m": 50.0, "without.above_m": -10.0,
         }  # fmt: skip
         rows[seed] = Row(seed, "passing", "made", "safe-rrt", seed, None, measures, "c", "m")
@@ -61,6 +65,21 @@ def test_losses_are_counted_by_closing_speed(tables):
 
 def test_bins_without_encounters_have_no_ratio(tables):
     assert texts(tables[3])[0] == ["safe-rrt", "below 35", "0", "0", "0", "–"]
+
+
+def test_alerts_are_counted_with_their_time_and_where_nothing_would_have_happened(tables):
+    assert texts(tables[-1]) == [["safe-rrt", "4", "3", "30", "1", "1 of 4"]]
+
+
+def test_a_scenario_that_draws_nothing_has_no_bins(case):
+    rows = {
+        seed: replace(
+            row, measures={name: value for name, value in row.measures.items() if name != "closing_m_s"}
+        )
+        for seed, row in case.samples["safe-rrt"].rows.items()
+    }
+    few = list(encounter_tables("encounters", replace(case, samples={"safe-rrt": Sample(rows)})))
+    assert len(few) == len(list(encounter_tables("encounters", case))) - 1
 
 
 def test_other_campaigns_have_none():
