@@ -76,3 +76,7 @@ _.cause, _.action
 
 # When a placed track passes, for its tests.
 _.meets_s
+
+# What a service asks of a team, which sim/team flies and nothing in companion calls yet.
+_.Agreement, _.propose, _.outgoing, _.members_deviating, _.members_in_conflict, _.PAYLOAD_TYPE
+_.PackedPlans, _.entering_circle

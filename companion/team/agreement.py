@@ -1,0 +1,445 @@
+"""How a member of a team takes a new plan: only when every other member has approved it.
+
+Each member has at most one committed plan, which it flies, and at most one proposed plan. It tells the
+proposal and flies on by the committed plan meanwhile. A member that approves a proposal keeps its own plans
+clear of it, and of the sender's committed plan, until the sender says that the proposal is committed,
+withdrawn or replaced. The proposer commits when every member that is not lost has approved exactly this plan.
+
+No two committed plans conflict then, whatever messages are lost, late, doubled or out of order. Let one
+member commit P with the other's approval. At its approval the other had compared P with the plan it was
+committed to and with its own proposal, and all that it proposed later is clear of P. So whatever it is
+committed to when P is committed is clear of P. ``docs/team.md`` has the whole argument, and what it says of
+lost members.
+
+References
+----------
+Tordesillas and How, "MADER: Trajectory Planner in Multi-Agent and Dynamic Environments", T-RO 2022.
+Kondo, Figueroa, Rached, Tordesillas, Lusk and How, "Robust MADER: Decentralized Multiagent Trajectory Planner
+Robust to Communication Delay in Dynamic Environments", RA-L 2023: publish before committing, and keep to both
+the old and the new plan meanwhile. There a fixed delay check stands for what approvals do here.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from companion.frames import LocalFrame
+from companion.team.pacing import Pacing
+from companion.team.plan_parts import PlanParts
+from companion.team.separation import margin_between
+from companion.team.shared_plan import SharedPlan
+from companion.team.team_settings import TeamSettings
+from companion.team.wire import (
+    Fragment,
+    PayloadError,
+    Report,
+    Standing,
+    next_number,
+    plan_payloads,
+    read_payload,
+    read_plan,
+    report_payloads,
+    told_plan,
+)
+
+Conflict = Callable[[SharedPlan, SharedPlan, float], bool]
+
+
+class Outcome(enum.Enum):
+    """What became of a member's latest proposal."""
+
+    NONE = "none"
+    PENDING = "pending"
+    COMMITTED = "committed"
+    REFUSED = "refused"
+    WITHDRAWN = "withdrawn"
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """What is known of another member.
+
+    Parameters
+    ----------
+    standing : Standing or None
+        The latest that it said of itself; None if it was never heard.
+    committed : SharedPlan or None
+        The latest of its committed plans that arrived.
+    proposed : SharedPlan or None
+        The proposal, if that arrived.
+    is_approved : bool
+        True if the proposal is approved, False if it is refused.
+    """
+
+    standing: Standing | None = None
+    committed: SharedPlan | None = None
+    proposed: SharedPlan | None = None
+    is_approved: bool = False
+
+    @property
+    def is_known(self) -> bool:
+        """True if the plan is here to which the member says it is committed."""
+        if self.standing is None or self.standing.committed is None:
+            return True
+        return self.committed is not None and self.committed.number == self.standing.committed
+
+    def after(self, standing: Standing) -> Peer:
+        """Return what is known once the member has said more of itself."""
+        if not standing.is_later_than(self.standing):
+            return self
+        proposed, committed = self.proposed, self.committed
+        if proposed is not None and proposed.number == standing.committed:
+            committed = proposed
+        is_proposed = standing.is_pending and proposed is not None and proposed.number == standing.latest
+        return Peer(standing, committed, proposed if is_proposed else None, is_proposed and self.is_approved)
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A member's own proposal.
+
+    Parameters
+    ----------
+    plan : SharedPlan
+        The plan as the others read it.
+    commit_before_s : float
+        UTC time from which on it is too late to commit it [s].
+    approvals : frozenset of int
+        Members that approved it.
+    """
+
+    plan: SharedPlan
+    commit_before_s: float
+    approvals: frozenset[int] = frozenset()
+
+
+class Agreement:
+    """One member's part in the agreement of a team. Times are UTC seconds and come in as arguments.
+
+    Parameters
+    ----------
+    member : int
+        System id of this member.
+    members : iterable of int
+        System ids of all members of the team.
+    frame : LocalFrame
+        Frame of the plans' places.
+    settings : TeamSettings
+        Distances, times and bytes that all members share.
+    started_s : float
+        UTC time of the beginning: a member that is never heard is lost ``lost_after_s`` later [s].
+    first_number : int
+        Number of the first plan. After a restart it has to be newer than any number used before.
+    conflict : callable, optional
+        Decides whether two plans conflict from an instant on; by default the distances of the settings do.
+    """
+
+    def __init__(
+        self,
+        member: int,
+        members: Iterable[int],
+        frame: LocalFrame,
+        settings: TeamSettings,
+        *,
+        started_s: float,
+        first_number: int = 1,
+        conflict: Conflict | None = None,
+    ) -> None:
+        self.member = member
+        self.counters: Counter[str] = Counter()
+        self._members = tuple(sorted({*members, member}))
+        self._frame, self._settings = frame, settings
+        self._conflict = conflict or self._are_too_close
+        self._peers = {other: Peer() for other in self._members if other != member}
+        self._heard_s = dict.fromkeys(self._peers, started_s)
+        self._off_since_s: dict[int, float] = {}
+        self._parts = PlanParts()
+        self._next = first_number
+        self._committed: SharedPlan | None = None
+        self._proposal: Proposal | None = None
+        self._standing = Standing()
+        self._outcome, self._refused_by = Outcome.NONE, frozenset[int]()
+        self._owed: frozenset[int] = frozenset()  # Members whose proposals are answered in the next report.
+        self._pacing = Pacing(settings, len(self._members))
+
+    @property
+    def committed(self) -> SharedPlan | None:
+        """The plan that this member flies, as the others read it; None before the first."""
+        return self._committed
+
+    @property
+    def proposed(self) -> SharedPlan | None:
+        """The plan that this member proposes, as the others read it."""
+        return None if self._proposal is None else self._proposal.plan
+
+    @property
+    def refused_by(self) -> frozenset[int]:
+        """Members with whose plans the latest proposal conflicted."""
+        return self._refused_by
+
+    def outcome(self) -> Outcome:
+        """Return what became of the latest proposal."""
+        return self._outcome
+
+    def plans_to_clear(self) -> tuple[SharedPlan, ...]:
+        """Return the plans of others from which this member's next plan has to keep clear.
+
+        These are the committed plans that are known, and the proposals that this member approved.
+        """
+        return tuple(
+            plan
+            for peer in self._peers.values()
+            for plan in (peer.committed, peer.proposed if peer.is_approved else None)
+            if plan is not None
+        )
+
+    def members_lost(self, now_s: float) -> frozenset[int]:
+        """Return the members that were not heard for so long that their approval is not waited for."""
+        heard_after_s = now_s - self._settings.lost_after_s
+        return frozenset(other for other, heard_s in self._heard_s.items() if heard_s <= heard_after_s)
+
+    def members_deviating(self, now_s: float) -> frozenset[int]:
+        """Return the members that do not fly what they told: they are to be treated as any other aircraft."""
+        since_s = now_s - self._settings.deviating_after_s
+        return frozenset(other for other, off_s in self._off_since_s.items() if off_s <= since_s)
+
+    def members_in_conflict(self, now_s: float) -> frozenset[int]:
+        """Return the members whose committed plans conflict with this member's own from now on.
+
+        There are none among members that did not count each other lost.
+        """
+        own = self._committed
+        if own is None:
+            return frozenset()
+        return frozenset(
+            other
+            for other, peer in self._peers.items()
+            if peer.committed is not None and self._conflict(own, peer.committed, now_s)
+        )
+
+    def propose(self, plan: SharedPlan, now_s: float, commit_before_s: float = math.inf) -> SharedPlan | None:
+        """Propose a plan to the team; one that is still proposed is withdrawn for it.
+
+        Parameters
+        ----------
+        plan : SharedPlan
+            The plan. It has begun: until ``commit_before_s`` it is the same as the committed plan. Its member
+            and number are filled in here.
+        now_s : float
+            UTC time [s].
+        commit_before_s : float
+            UTC time at which the plan leaves the committed one; from then on it is withdrawn [s].
+
+        Returns
+        -------
+        SharedPlan or None
+            The plan as the others read it; None if it conflicts with a plan of :meth:`plans_to_clear`.
+
+        Raises
+        ------
+        ValueError
+            If the plan has not begun, is too long, or lies beyond what the format holds.
+        """
+        if plan.start_s > now_s:
+            raise ValueError("plan: expected one that has begun")
+        numbered = replace(plan, member=self.member, number=self._next)
+        told = told_plan(numbered, self._frame, self._settings.simplify_m)
+        against = {other.member for other in self.plans_to_clear() if self._conflict(told, other, now_s)}
+        if against:
+            self._end_proposal(Outcome.REFUSED, frozenset(against))
+            return None
+        self._next = next_number(self._next)
+        self._proposal = Proposal(told, commit_before_s)
+        self._outcome, self._refused_by = Outcome.PENDING, frozenset()
+        self._standing = Standing(self._standing.committed, told.number, is_pending=True)
+        self._pacing.note_proposal(now_s)
+        self._settle(now_s)
+        return told
+
+    def withdraw(self) -> None:
+        """Withdraw what is proposed, if anything is."""
+        self._end_proposal(Outcome.WITHDRAWN)
+
+    def observe(self, member: int, place_enu_m: tuple[float, float, float], time_s: float) -> None:
+        """Compare a member's reported position with its plans.
+
+        Parameters
+        ----------
+        member : int
+            System id of the member.
+        place_enu_m : tuple of float
+            East, north, up [m].
+        time_s : float
+            UTC time of the position [s].
+        """
+        peer = self._peers.get(member)
+        if peer is None:
+            return
+        plans = [plan for plan in (peer.committed, peer.proposed) if plan is not None]
+        if not plans or any(plan.is_flown_at(place_enu_m, time_s) for plan in plans):
+            self._off_since_s.pop(member, None)
+        else:
+            self._off_since_s.setdefault(member, time_s)
+
+    def receive(self, sender: int, payload: bytes, now_s: float) -> None:
+        """Take in a payload of another member. What is wrong is dropped and counted in ``counters``.
+
+        Parameters
+        ----------
+        sender : int
+            System id of the frame's sender.
+        payload : bytes
+            Payload of its TUNNEL message.
+        now_s : float
+            UTC time [s].
+        """
+        peer = self._peers.get(sender)
+        if peer is None:
+            self.counters["own" if sender == self.member else "stranger"] += 1
+            return
+        try:
+            message = read_payload(payload, self._members)
+        except PayloadError as error:
+            self.counters[f"refused_{error}"] += 1
+            return
+        self._heard_s[sender] = now_s
+        if message.standing != peer.standing:
+            self._take_standing(sender, message.standing, now_s)
+        if isinstance(message, Fragment):
+            self._take_fragment(sender, message, now_s)
+        elif message.concerns(self.member):
+            self._take_report(sender, message, now_s)
+
+    def outgoing(self, now_s: float) -> list[bytes]:
+        """Return the payloads that are to be broadcast now, within the budget of bytes.
+
+        Parameters
+        ----------
+        now_s : float
+            UTC time [s].
+        """
+        self._settle(now_s)
+        payloads: list[bytes] = []
+        missing = tuple(other for other, peer in self._peers.items() if not peer.is_known)
+        waits = bool(missing) or self._proposal is not None
+        if self._pacing.takes_report(now_s, has_answers=bool(self._owed), waits=waits):
+            payloads += self._report(now_s, missing)
+        if self._proposal is not None and self._pacing.takes_plan(now_s):
+            payloads += plan_payloads(self._standing, self._proposal.plan, self._frame)
+        if self._committed is not None and self._pacing.takes_repetition(now_s):
+            payloads += plan_payloads(self._standing, self._committed, self._frame)
+        self._pacing.spend(payloads)
+        return payloads
+
+    def _report(self, now_s: float, missing: tuple[int, ...]) -> list[bytes]:
+        """Return the report: answers that are owed, own numbers, whom it waits for."""
+        answers: dict[bool, list[tuple[int, int]]] = {True: [], False: []}
+        for other in sorted(self._owed):
+            peer = self._peers[other]
+            if peer.proposed is not None:
+                answers[peer.is_approved].append((other, peer.proposed.number))
+        self._owed = frozenset()
+        awaited = frozenset[int]()
+        if self._proposal is not None:
+            awaited = self._needed(now_s) - self._proposal.approvals
+        report = Report(self._standing, tuple(answers[True]), tuple(answers[False]), missing, awaited)
+        return report_payloads(report, self._members)
+
+    def _take_standing(self, sender: int, standing: Standing, now_s: float) -> None:
+        """Take in what a member says of itself, if it is later than what is known."""
+        before = self._peers[sender]
+        self._peers[sender] = peer = before.after(standing)
+        if peer.committed is not None and peer.committed is not before.committed and not before.is_approved:
+            self._make_way(peer.committed, now_s)
+
+    def _take_fragment(self, sender: int, part: Fragment, now_s: float) -> None:
+        """Take in a part of a plan. Once all are here, the plan is committed or has to be answered."""
+        peer, number = self._peers[sender], part.number
+        standing = peer.standing or Standing()
+        is_committed = number == standing.committed and not peer.is_known
+        is_proposed = number == standing.latest and standing.is_pending and peer.proposed is None
+        if not is_committed and not is_proposed:
+            return
+        body = self._parts.joined(sender, part)
+        if body is None:
+            return
+        try:
+            plan = read_plan(body, sender, number, self._frame, now_s)
+        except PayloadError as error:
+            self.counters[f"refused_{error}"] += 1
+            return
+        if is_committed:
+            self._peers[sender] = replace(peer, committed=plan)
+            self._make_way(plan, now_s)
+        else:
+            self._answer(sender, plan, now_s)
+
+    def _answer(self, sender: int, plan: SharedPlan, now_s: float) -> None:
+        """Approve a proposal, or refuse it.
+
+        It is refused if it conflicts with the committed plan. Of two proposals that conflict, the one that
+        comes later in the order is withdrawn.
+        """
+        own, committed = self._proposal, self._committed
+        is_approved = committed is None or not self._conflict(committed, plan, now_s)
+        if is_approved and own is not None and self._conflict(own.plan, plan, now_s):
+            is_approved = plan.rank < own.plan.rank
+            if is_approved:
+                self._end_proposal(Outcome.WITHDRAWN)
+        self._peers[sender] = replace(self._peers[sender], proposed=plan, is_approved=is_approved)
+        self._owed |= {sender}
+
+    def _make_way(self, plan: SharedPlan, now_s: float) -> None:
+        """Withdraw what is proposed if it conflicts with a committed plan that was not approved here."""
+        if self._proposal is not None and self._conflict(self._proposal.plan, plan, now_s):
+            self._end_proposal(Outcome.REFUSED, frozenset({plan.member}))
+
+    def _take_report(self, sender: int, report: Report, now_s: float) -> None:
+        """Take in a report that says something to this member."""
+        peer, own = self._peers[sender], self._proposal
+        if self.member in report.missing:
+            self._pacing.note_wanted()
+        if self.member in report.awaited and peer.proposed is not None and report.standing == peer.standing:
+            self._owed |= {sender}
+        if own is None:
+            return
+        answer = (self.member, own.plan.number)
+        if answer in report.refused:
+            self._end_proposal(Outcome.REFUSED, frozenset({sender}))
+        elif answer in report.approved:
+            self._proposal = replace(own, approvals=own.approvals | {sender})
+            self._settle(now_s)
+
+    def _needed(self, now_s: float) -> frozenset[int]:
+        """Return the members whose approval is needed."""
+        return frozenset(self._peers) - self.members_lost(now_s)
+
+    def _settle(self, now_s: float) -> None:
+        """Commit the proposal if everybody has approved it, or withdraw it if it is too late."""
+        own = self._proposal
+        if own is None:
+            return
+        if now_s >= own.commit_before_s:
+            self._end_proposal(Outcome.WITHDRAWN)
+            return
+        needed = self._needed(now_s)
+        if needed <= own.approvals and all(self._peers[other].is_known for other in needed):
+            self._committed = own.plan
+            self._end_proposal(Outcome.COMMITTED)
+
+    def _end_proposal(self, outcome: Outcome, refused_by: frozenset[int] = frozenset()) -> None:
+        """End what is proposed; its number is never committed later."""
+        self._outcome, self._refused_by = outcome, refused_by
+        if self._proposal is None:
+            return
+        self._proposal = None
+        committed = None if self._committed is None else self._committed.number
+        self._standing = Standing(committed, self._standing.latest)
+        self._pacing.note_news()
+
+    def _are_too_close(self, one: SharedPlan, other: SharedPlan, since_s: float) -> bool:
+        return margin_between(one, other, self._settings, since_s) < 0.0

@@ -1,0 +1,64 @@
+"""Whether two plans of a team keep clear of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from companion.kernels.geometry.plan_separation import first_conflict, least_margin
+from companion.team.shared_plan import SharedPlan
+from companion.team.team_settings import TeamSettings
+
+
+def margin_between(one: SharedPlan, other: SharedPlan, settings: TeamSettings, since_s: float) -> float:
+    """Return the least margin of two plans from an instant on [m]; negative if they conflict.
+
+    Both tolerances are added to the distances that are to be kept. It suffices to keep the horizontal
+    distance or the vertical one.
+
+    Parameters
+    ----------
+    one, other : SharedPlan
+        The plans.
+    settings : TeamSettings
+        Distances to be kept.
+    since_s : float
+        UTC time from which on the plans are compared [s].
+    """
+    return least_margin(
+        one.rows, one.radius_m, other.rows, other.radius_m, since_s,
+        settings.apart_m + one.tolerance_m + other.tolerance_m,
+        settings.apart_up_m + one.tolerance_up_m + other.tolerance_up_m,
+    )  # fmt: skip
+
+
+class PackedPlans:
+    """Many plans laid out for a kernel, for one who compares many candidates with all of them.
+
+    Parameters
+    ----------
+    plans : sequence of SharedPlan
+        The plans.
+    settings : TeamSettings
+        Distances to be kept.
+    """
+
+    def __init__(self, plans: Sequence[SharedPlan], settings: TeamSettings) -> None:
+        self._plans, self._settings = plans, settings
+        self._rows = np.concatenate([plan.rows for plan in plans]) if plans else np.empty((0, 4))
+        self._offsets = np.cumsum([0, *(len(plan.rows) for plan in plans)], dtype=np.int64)
+        sizes = [(plan.radius_m, plan.tolerance_m, plan.tolerance_up_m) for plan in plans]
+        self._limits = np.array(sizes, dtype=np.float64).reshape(-1, 3)
+
+    def first_conflict(self, plan: SharedPlan, since_s: float) -> SharedPlan | None:
+        """Return the first plan with which another one conflicts from an instant on [s]."""
+        own = (
+            0.0,
+            self._settings.apart_m + plan.tolerance_m,
+            self._settings.apart_up_m + plan.tolerance_up_m,
+        )
+        found = first_conflict(
+            plan.rows, plan.radius_m, self._rows, self._offsets, self._limits + np.array(own), since_s
+        )
+        return None if found < 0 else self._plans[found]

@@ -1,0 +1,196 @@
+"""The plan that a member of a team tells the others."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+
+NUMBERS = 1 << 16  # Plan numbers are counted in 16 bits and begin again.
+LOOK_S = 1e-6  # Two places of a path this far apart in time differ by less than a millimetre, save at a jump.
+
+
+def is_newer(number: int, than: int) -> bool:
+    """Return whether a plan number was given later than another.
+
+    Numbers begin again after 65,535, so the shorter way round decides (RFC 1982, *Serial Number Arithmetic*).
+    """
+    return 0 < (number - than) % NUMBERS < NUMBERS // 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedPlan:
+    """A timed path that ends in a circle, which is held for ever.
+
+    Between two rows the member flies straight at constant speed. From the time of the last row on it is
+    anywhere in the disc of the circle. The last two rows may have the same time: then the member enters the
+    circle at the last row but one, and the last row is the centre.
+
+    Parameters
+    ----------
+    member : int
+        MAVLink system id of the member.
+    number : int
+        Number of the plan, in 16 bits; a later plan of the same member has a newer number.
+    rows : ndarray, shape (N, 4)
+        UTC time [s], east, north, up [m]; times never fall.
+    radius_m : float
+        Radius of the circle about the last place [m].
+    tolerance_m, tolerance_up_m : float
+        The member promises to stay this close to the plan, horizontally and vertically [m].
+    is_emergency : bool
+        True if the member has to leave its committed plan.
+    room : int
+        How many other ways the member has, 0 to 255; who has less goes first.
+    """
+
+    member: int
+    number: int
+    rows: FloatArray
+    radius_m: float
+    tolerance_m: float
+    tolerance_up_m: float
+    is_emergency: bool = False
+    room: int = 255
+
+    def __post_init__(self) -> None:
+        rows = np.array(self.rows, dtype=np.float64, order="C", ndmin=2)
+        if not len(rows) or rows.shape[1] != 4 or not np.isfinite(rows).all():
+            raise ValueError("rows: expected time, east, north and up, all finite")
+        if (np.diff(rows[:, 0]) < 0.0).any():
+            raise ValueError("rows: expected times that never fall")
+        rows.setflags(write=False)
+        object.__setattr__(self, "rows", rows)
+
+    @property
+    def start_s(self) -> float:
+        """UTC time of the first row [s]."""
+        return float(self.rows[0, 0])
+
+    @property
+    def end_s(self) -> float:
+        """UTC time from which on the member is in its circle [s]."""
+        return float(self.rows[-1, 0])
+
+    @property
+    def rank(self) -> tuple[bool, int, int]:
+        """Place in the order of proposals; the lesser goes first."""
+        return not self.is_emergency, self.room, self.member
+
+    def place_at(self, time_s: float) -> tuple[float, float, float]:
+        """Return east, north and up [m] at an instant; from the end on the centre of the circle."""
+        rows = self.rows
+        k = int(np.searchsorted(rows[:, 0], time_s, side="right"))
+        if k == 0 or k == len(rows):
+            east, north, up = rows[max(k - 1, 0), 1:]
+        else:
+            part = (time_s - rows[k - 1, 0]) / (rows[k, 0] - rows[k - 1, 0])
+            east, north, up = rows[k - 1, 1:] + part * (rows[k, 1:] - rows[k - 1, 1:])
+        return float(east), float(north), float(up)
+
+    def distance_from(self, place_enu_m: tuple[float, float, float], time_s: float) -> tuple[float, float]:
+        """Return how far a place is from the plan at an instant, horizontally and vertically [m].
+
+        From the end on the horizontal distance is that from the disc of the circle.
+        """
+        east, north, up = self.place_at(time_s)
+        disc = self.radius_m if time_s >= self.end_s else 0.0
+        level = math.hypot(place_enu_m[0] - east, place_enu_m[1] - north)
+        return max(level - disc, 0.0), abs(place_enu_m[2] - up)
+
+    def is_flown_at(self, place_enu_m: tuple[float, float, float], time_s: float) -> bool:
+        """Return whether a place at an instant is within the plan's tolerance."""
+        level, up = self.distance_from(place_enu_m, time_s)
+        return level <= self.tolerance_m and up <= self.tolerance_up_m
+
+
+def largest_distance(flown: SharedPlan, told: SharedPlan) -> tuple[float, float]:
+    """Return how far a plan is from another version of itself at most, horizontally and vertically [m].
+
+    The difference of two places is linear in time between the rows of both, so its length is largest at a
+    row. Times next to each row are looked at, because both may jump there.
+
+    Parameters
+    ----------
+    flown : SharedPlan
+        The plan as its member flies it.
+    told : SharedPlan
+        The plan as the others read it; it ends no later.
+    """
+    times = np.concatenate([flown.rows[:, 0], told.rows[:, 0]])
+    times = np.concatenate([times - LOOK_S, times, times + LOOK_S])
+    times = times[times >= flown.start_s]
+    found = [told.distance_from(flown.place_at(t), t) for t in times.tolist() if t < flown.end_s]
+    apart = flown.rows[-1, 1:] - told.rows[-1, 1:]  # of the centres
+    found.append((math.hypot(apart[0], apart[1]) + flown.radius_m - told.radius_m, abs(float(apart[2]))))
+    return max(0.0, *(level for level, _ in found)), max(up for _, up in found)
+
+
+def entering_circle(rows: FloatArray, radius_m: float) -> FloatArray:
+    """Return a path that ends at the centre of a circle as one that ends where it enters the circle.
+
+    An autopilot that is sent to a circle about a place turns into the circle before it reaches that place.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, 4)
+        Time [s], east, north, up [m].
+    radius_m : float
+        Radius of the circle about the last place [m].
+
+    Returns
+    -------
+    ndarray, shape (M, 4)
+        The path until it stays in the circle, and the centre at the same time.
+    """
+    centre = rows[-1]
+    outside = np.hypot(*(rows[:, 1:3] - centre[1:3]).T) > radius_m
+    if not outside.any():
+        return np.vstack([rows[:1], [[rows[0, 0], *centre[1:]]]])
+    k = int(np.flatnonzero(outside)[-1])
+    begin, leg = rows[k], rows[k + 1] - rows[k]
+    away = begin[1:3] - centre[1:3]
+    a, b, c = leg[1:3] @ leg[1:3], away @ leg[1:3], away @ away - radius_m**2
+    part = (-b - math.sqrt(max(b * b - a * c, 0.0))) / a
+    entry = begin + min(max(part, 0.0), 1.0) * leg
+    return np.vstack([rows[: k + 1], [entry], [[entry[0], *centre[1:]]]])
+
+
+def simplified(rows: FloatArray, within_m: float) -> FloatArray:
+    """Return a path with fewer rows that is nowhere farther from the given one than a distance.
+
+    Places of the same time are compared. Of all rows between two that are kept, the one that is farthest from
+    the straight leg is kept, until none is too far (Douglas and Peucker 1973, with time as a coordinate;
+    Meratnia and de By 2004).
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, 4)
+        Time [s], east, north, up [m].
+    within_m : float
+        Greatest distance [m].
+
+    Returns
+    -------
+    ndarray, shape (M, 4)
+        Some of the rows, the first and the last among them.
+    """
+    kept, waiting = {0, len(rows) - 1}, [(0, len(rows) - 1)]
+    while waiting:
+        first, last = waiting.pop()
+        if last - first < 2:
+            continue
+        length = rows[last, 0] - rows[first, 0]
+        parts = (
+            (rows[first : last + 1, 0] - rows[first, 0]) / length if length else np.zeros(last - first + 1)
+        )
+        straight = rows[first, 1:] + parts[:, None] * (rows[last, 1:] - rows[first, 1:])
+        far = np.linalg.norm(rows[first : last + 1, 1:] - straight, axis=1)[1:-1]
+        if far.max() > within_m:
+            middle = first + 1 + int(far.argmax())
+            kept.add(middle)
+            waiting += [(first, middle), (middle, last)]
+    return rows[sorted(kept)]
