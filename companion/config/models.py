@@ -18,6 +18,7 @@ from pydantic_core import PydanticKnownError
 from companion.config.sections.energy_section import EnergyConfig
 from companion.config.sections.glide_section import GlideConfig
 from companion.config.sections.section_base import Section
+from companion.config.sections.team_section import TeamConfig
 from companion.config.sections.terrain_section import TerrainConfig
 from companion.frames import LocalFrame
 from companion.types.threat import DynamicThreat, Obstacle, Radar
@@ -434,6 +435,8 @@ class MissionConfig(Section):
     """How far it glides without thrust, and where to; by default no field is sought."""
     terrain: TerrainConfig | None = None
     """The ground; by default none is known."""
+    team: TeamConfig | None = None
+    """Other aircraft that share their plans; by default there are none."""
 
     @property
     def goals_from_autopilot(self) -> bool:

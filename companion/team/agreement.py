@@ -57,6 +57,7 @@ class Outcome(enum.Enum):
     COMMITTED = "committed"
     REFUSED = "refused"
     WITHDRAWN = "withdrawn"
+    APPROVED = "approved"
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +137,9 @@ class Agreement:
         Number of the first plan. After a restart it has to be newer than any number used before.
     conflict : callable, optional
         Decides whether two plans conflict from an instant on; by default the distances of the settings do.
+    commits_itself : bool
+        Whether a proposal is committed as soon as everybody has approved it. Otherwise its owner calls
+        :meth:`commit` once it is flown; until then both plans are kept clear of.
     """
 
     def __init__(
@@ -148,12 +152,14 @@ class Agreement:
         started_s: float,
         first_number: int = 1,
         conflict: Conflict | None = None,
+        commits_itself: bool = True,
     ) -> None:
         self.member = member
         self.counters: Counter[str] = Counter()
         self._members = tuple(sorted({*members, member}))
         self._frame, self._settings = frame, settings
         self._conflict = conflict or self._are_too_close
+        self._commits_itself = commits_itself
         self._peers = {other: Peer() for other in self._members if other != member}
         self._heard_s = dict.fromkeys(self._peers, started_s)
         self._off_since_s: dict[int, float] = {}
@@ -259,6 +265,17 @@ class Agreement:
         self._pacing.note_proposal(now_s)
         self._settle(now_s)
         return told
+
+    def hold(self) -> None:
+        """Keep what is proposed however late it is: it is being entered."""
+        if self._proposal is not None:
+            self._proposal = replace(self._proposal, commit_before_s=math.inf)
+
+    def commit(self) -> None:
+        """Commit a proposal that everybody has approved."""
+        if self._proposal is not None and self._outcome is Outcome.APPROVED:
+            self._committed = self._proposal.plan
+            self._end_proposal(Outcome.COMMITTED)
 
     def withdraw(self) -> None:
         """Withdraw what is proposed, if anything is."""
@@ -428,8 +445,9 @@ class Agreement:
             return
         needed = self._needed(now_s)
         if needed <= own.approvals and all(self._peers[other].is_known for other in needed):
-            self._committed = own.plan
-            self._end_proposal(Outcome.COMMITTED)
+            self._outcome = Outcome.APPROVED
+            if self._commits_itself:
+                self.commit()
 
     def _end_proposal(self, outcome: Outcome, refused_by: frozenset[int] = frozenset()) -> None:
         """End what is proposed; its number is never committed later."""

@@ -375,6 +375,37 @@ class TrackReport:
 
 
 @dataclass(frozen=True, slots=True)
+class ClockReported:
+    """The autopilot's UTC time.
+
+    Parameters
+    ----------
+    unix_s : float
+        Seconds since 1970.
+    """
+
+    stamp_s: float
+    unix_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class TeamMessage:
+    """A payload of another service's team messages.
+
+    Parameters
+    ----------
+    system_id : int
+        System id of the sender.
+    payload : bytes
+        What :mod:`companion.team.wire` reads.
+    """
+
+    stamp_s: float
+    system_id: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Rebooted:
     """The autopilot's boot time decreased: streams and missions must be requested again."""
 
@@ -400,5 +431,7 @@ Event = (
     | SettingsReported
     | StatusText
     | TrackReport
+    | ClockReported
+    | TeamMessage
     | Rebooted
 )

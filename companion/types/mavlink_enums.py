@@ -26,6 +26,7 @@ class MessageId(IntEnum):
 
     HEARTBEAT = 0
     SYS_STATUS = 1
+    SYSTEM_TIME = 2
     GPS_RAW_INT = 24
     SCALED_PRESSURE = 29
     ATTITUDE = 30

@@ -8,39 +8,11 @@ characters. A longer text is sent in chunks (MAVLink ``common.xml``, STATUSTEXT)
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from companion.types.mavlink_enums import Severity
+from companion.types.pilot_text import NOTHING, PilotMessage, PilotText
+from companion.types.texts_of_others import OTHER_AIRCRAFT
 
-
-@dataclass(frozen=True, slots=True)
-class PilotText:
-    """One row of the table.
-
-    ``kind`` is that of the decision that it reports, ``template`` the text, in which names in braces are
-    replaced by values. ``cause`` says when it is sent, ``action`` what the pilot can do.
-    """
-
-    kind: str
-    severity: Severity
-    template: str
-    cause: str
-    action: str
-
-
-@dataclass(frozen=True, slots=True)
-class PilotMessage:
-    """A text to send, and its subject.
-
-    A text is not repeated for a while unless another text about the same subject was sent in between.
-    """
-
-    severity: Severity
-    text: str
-    subject: str
-
-
-NOTHING = "Nothing."
 TEXTS = {
     "mission": PilotText(
         "mission", Severity.INFO,
@@ -445,12 +417,7 @@ TEXTS = {
         "For 10 s the autopilot has had no heights here, which `terrain.item_frame: terrain` needs.",
         "Take over, or watch the height: it flies on by the last one that it had.",
     ),
-    "traffic": PilotText(
-        "traffic", Severity.WARNING, "Traffic {hour} o'clock, {distance} km, {height}, {time} s",
-        "Within 45 s an aircraft that reports itself comes within 610 m, and 76 m of height, if both go on "
-        "as they do. Its direction is by the clock from our course; the time is that until it is nearest.",
-        "Look for it. The planner keeps well clear where it can.",
-    ),
+    **OTHER_AIRCRAFT,
     "recording": PilotText(
         "recording", Severity.INFO, "Recording stopped, flight goes on",
         "The disk is full or cannot be written to.", NOTHING,

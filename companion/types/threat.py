@@ -147,7 +147,7 @@ class TrackState:
             Clock readings [s].
         """
         if self.route is not None:
-            return _places_on_route(self.route, times_s)
+            return places_on_route(self.route, times_s)
         ahead = times_s - self.stamp_s
         turning = np.clip(ahead, 0.0, TURNS_S)
         east, north, up = self.velocity_enu_m_s
@@ -159,7 +159,7 @@ class TrackState:
         return np.asarray(np.asarray(self.position_enu_m) + moved)
 
 
-def _places_on_route(route: FloatArray, times_s: FloatArray) -> FloatArray:
+def places_on_route(route: FloatArray, times_s: FloatArray) -> FloatArray:
     """Return the places (N, 3) on a route (M, 4) of two rows or more at clock readings (N,)."""
     row = np.clip(np.searchsorted(route[:, 0], times_s, side="right") - 1, 0, len(route) - 2)
     begins, ends = route[row], route[row + 1]

@@ -14,7 +14,8 @@ from companion.errors import CompanionError
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.list_reader import ListReader
 from companion.flight.exchange.protocols import SwapProtocols
-from companion.flight.exchange.swap_protocol import SwapOrder, order_for
+from companion.flight.exchange.swap_protocol import NotApprovedError, SwapOrder, order_for
+from companion.flight.exchange.team_exchange import TeamExchange
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.observer import Observer
 from companion.flight.state.checkpoint import Checkpoint, key_of
@@ -52,6 +53,8 @@ class Handover:
         Records the missions that are sent.
     observer : Observer
         Counts the results.
+    team : TeamExchange
+        Asks the other members of a team before a mission is entered.
 
     Attributes
     ----------
@@ -68,8 +71,10 @@ class Handover:
         checkpoint: Checkpoint,
         recorder: Recorder,
         observer: Observer,
+        team: TeamExchange,
     ) -> None:
         parts = protocols.parts
+        self._team = team
         self.protocols = protocols
         self.reader = ListReader(protocols, announcer, checkpoint)
         self._flight, self._link, self._clock = parts.flight, parts.link, parts.clock
@@ -141,6 +146,7 @@ class Handover:
         """Make a mission the flown one in the flight's state and in the checkpoint."""
         flown = swap.flown
         self._flight.apply(after_swap, swap.layout, flown, self._link.current)
+        self._team.end(is_flown=True)
         ours = flown.mission.items[slice(*swap.layout.flown_span)]
         self._checkpoint.note_flown(key_of(ours), flown.path, flown.covered_until_s)
 
@@ -180,9 +186,14 @@ class Handover:
         before = self._flight.state.flown
         enter_s = constructed.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
         begun_s = self._clock.now_s()
-        outcome, reason = await self._unless_withdrawn(
-            self.swap(constructed, enter_s, plan_number, is_urgent=is_urgent)
-        )
+        if is_acting and (conflict := self._team.propose(constructed)):
+            outcome, reason = SwapOutcome.REFUSED, f"it conflicts with {conflict}"
+        else:
+            outcome, reason = await self._unless_withdrawn(
+                self.swap(constructed, enter_s, plan_number, is_urgent=is_urgent)
+            )
+        if outcome is not SwapOutcome.FLOWN and self._flight.listed.pending is None:
+            self._team.end(is_flown=False)
         self._note_exchange(constructed, outcome, reason, begun_s)
         now, places = self._clock.now_s(), constructed.waypoints.positions_enu_m
         facts = {"occasion": occasion, **constructed.why}
@@ -243,6 +254,8 @@ class Handover:
         self._flight.apply_to_list(after_swap_begun)
         try:
             outcome, reason = await self.protocols.now.carry_out(order)
+        except NotApprovedError as error:
+            outcome, reason = SwapOutcome.REFUSED, str(error)
         finally:
             self._flight.apply_to_list(after_swap_ended, self._clock.now_s())
         if outcome in (SwapOutcome.FLOWN, SwapOutcome.STALE, SwapOutcome.FOREIGN):

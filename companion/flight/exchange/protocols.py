@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from companion.clock import Clock
 from companion.flight.exchange.swap_arduplane import ArduPlaneSwap
-from companion.flight.exchange.swap_protocol import SwapParts, SwapProtocol
+from companion.flight.exchange.swap_protocol import Consent, SwapParts, SwapProtocol
 from companion.flight.exchange.swap_px4 import Px4Swap
 from companion.flight.state.flight_state import StateOwner
 from companion.link.missions.autopilot_link import AutopilotLink
@@ -41,8 +41,8 @@ class SwapProtocols:
 
 
 def protocols_for(
-    flight: StateOwner, link: AutopilotLink, ownship: OwnshipEstimator, clock: Clock
+    flight: StateOwner, link: AutopilotLink, ownship: OwnshipEstimator, clock: Clock, consent: Consent
 ) -> SwapProtocols:
     """Return the protocols over one link."""
-    parts = SwapParts(flight, link, ownship, clock)
+    parts = SwapParts(flight, link, ownship, clock, consent)
     return SwapProtocols(parts, {Dialect.ARDUPILOT: ArduPlaneSwap(parts), Dialect.PX4: Px4Swap(parts)})

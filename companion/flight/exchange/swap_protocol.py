@@ -99,6 +99,35 @@ def order_for(
     )  # fmt: skip
 
 
+class NotApprovedError(Exception):
+    """The mission may not be entered, because others have not approved it; its argument says why."""
+
+
+class NobodyAsked:
+    """The consent where nobody has to be asked."""
+
+    is_given = True
+    refusal = ""
+
+    def hold(self) -> None:
+        """Do nothing."""
+
+
+class Consent(Protocol):
+    """Whether others, such as a team, let a mission be entered."""
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the mission may be entered now."""
+
+    @property
+    def refusal(self) -> str:
+        """Why it may not be entered any more; '' while it may."""
+
+    def hold(self) -> None:
+        """Note that the mission is being entered."""
+
+
 @dataclass(frozen=True, slots=True)
 class SwapParts:
     """The objects that every swap works with.
@@ -113,12 +142,15 @@ class SwapParts:
         The estimate of the aircraft.
     clock : Clock
         The service's clock.
+    consent : Consent
+        Without it no mission is entered.
     """
 
     flight: StateOwner
     link: AutopilotLink
     ownship: OwnshipEstimator
     clock: Clock
+    consent: Consent
 
     def state(self) -> Ownship | None:
         """Return the aircraft's state now; None while it is not known."""
@@ -144,15 +176,22 @@ class SwapParts:
         ------
         PlanBrokenOffError
             If the mission is no longer wanted.
+        NotApprovedError
+            If others do not let it be entered.
         """
         due_s = order.enter_s - duration_s
         self.flight.apply_to_list(after_waiting, -math.inf if order.is_urgent else due_s)
-        while (now_s := self.clock.now_s()) < due_s:
-            if order.is_urgent and Entry(self, order, duration_s).sequence() is not None:
+        while (now_s := self.clock.now_s()) < due_s or not self.consent.is_given:
+            is_ready = order.is_urgent and self.consent.is_given
+            if is_ready and Entry(self, order, duration_s).sequence() is not None:
                 break
             if why := self.flight.listed.unwanted:
                 raise PlanBrokenOffError(why)
-            await self.clock.sleep_until(min(due_s, now_s + LOOK_INTERVAL_S))
+            if why := self.consent.refusal:
+                raise NotApprovedError(why)
+            next_look_s = now_s + LOOK_INTERVAL_S
+            await self.clock.sleep_until(min(due_s, next_look_s) if now_s < due_s else next_look_s)
+        self.consent.hold()
         self.flight.apply_to_list(after_waiting, -math.inf)
 
     async def read(self, num_left_out: int = 0) -> tuple[MissionItem, ...]:

@@ -12,7 +12,8 @@ from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind
 from companion.frames import FloatArray
 from companion.recording.recorder import Recorder
-from companion.types.pilot_texts import PilotMessage, pilot_message
+from companion.types.pilot_text import PilotMessage
+from companion.types.pilot_texts import pilot_message
 from companion.types.record import UploadedMission
 
 SAME_STRETCH_S = 10.0  # A stretch without a field that changes by less is not told again.

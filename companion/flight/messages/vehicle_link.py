@@ -76,6 +76,7 @@ class VehicleLink:
             float(settings.stream_rate_hz),
             with_battery=mission.energy is not None,
             with_ground=mission.terrain is not None,
+            with_clock=mission.team is not None,
         )
         self.quality = LinkQuality()
         self._clock = clock

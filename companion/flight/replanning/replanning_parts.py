@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from companion.clock import Clock
 from companion.flight.exchange.handover import Handover
 from companion.flight.exchange.protocols import protocols_for
+from companion.flight.exchange.team_exchange import TeamExchange
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.observer import Observer
+from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.monitors.freshness_watch import FreshnessWatch
 from companion.flight.monitors.geofences import Geofences
 from companion.flight.monitors.performance_watch import PerformanceWatch
@@ -17,7 +19,6 @@ from companion.flight.replanning.plan_maker import PlanMaker, PlanRunner
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.world_model import WorldModel
-from companion.link.missions.autopilot_link import AutopilotLink
 from companion.recording.recorder import Recorder
 
 
@@ -35,6 +36,8 @@ class ReplanningParts:
         Makes the plans.
     handover : Handover
         Hands missions over to the autopilot.
+    team : TeamExchange
+        Asks the other members of a team, and knows where they will be.
     geofences : Geofences
         Reads the fences.
     rally_points : RallyPoints
@@ -53,6 +56,7 @@ class ReplanningParts:
     world_model: WorldModel
     maker: PlanMaker
     handover: Handover
+    team: TeamExchange
     geofences: Geofences
     rally_points: RallyPoints
     freshness: FreshnessWatch
@@ -64,7 +68,7 @@ class ReplanningParts:
 def parts_for(
     flight: StateOwner,
     world_model: WorldModel,
-    link: AutopilotLink,
+    link: VehicleLink,
     clock: Clock,
     *,
     announcer: Announcer,
@@ -75,15 +79,19 @@ def parts_for(
     runner: PlanRunner,
 ) -> ReplanningParts:
     """Return the parts over one link; the parameters are those of ``tasks.composition.composed``."""
-    protocols = protocols_for(flight, link, world_model.ownship, clock)
+    autopilot = link.autopilot
+    team = TeamExchange(flight, world_model.ownship, link, clock, announcer)
+    world_model.listen_to_team(team.with_members)
+    protocols = protocols_for(flight, autopilot, world_model.ownship, clock, team)
     return ReplanningParts(
         flight=flight,
         world_model=world_model,
         maker=PlanMaker(seed, runner, clock, recorder, observer),
-        handover=Handover(protocols, announcer, checkpoint, recorder, observer),
-        geofences=Geofences(flight, world_model, link, announcer, clock),
-        rally_points=RallyPoints(flight, link, announcer, clock),
-        freshness=FreshnessWatch(flight, world_model, link, announcer),
+        handover=Handover(protocols, announcer, checkpoint, recorder, observer, team),
+        team=team,
+        geofences=Geofences(flight, world_model, autopilot, announcer, clock),
+        rally_points=RallyPoints(flight, autopilot, announcer, clock),
+        freshness=FreshnessWatch(flight, world_model, autopilot, announcer),
         performance=PerformanceWatch(flight, world_model, announcer),
         announcer=announcer,
         clock=clock,

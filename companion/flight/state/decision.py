@@ -51,6 +51,7 @@ class DecisionKind(Enum):
     OFF_PATH = "off path"
     GROUND = "ground"
     TRAFFIC = "traffic"
+    TEAM = "team"
     RETURN = "return"
     RESTART = "restart"
     LINK = "link"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +24,15 @@ from companion.types.threat import TrackState
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
 
+WithMembers = Callable[[Iterable[TrackState], float], tuple[TrackState, ...]]
+
 EYE_M = 2.0  # The eye of a ground vehicle is this high above the ground.
+
+
+def _as_sighted(tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
+    """Return the tracks of a flight without a team."""
+    del now_s
+    return tuple(tracks)
 
 
 def _ages_of(mission: MissionConfig) -> OwnshipSettings:
@@ -54,6 +63,7 @@ class WorldModel:
         mission = rules.mission
         self.ownship = OwnshipEstimator(mission.frame, _ages_of(mission))
         self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
+        self._with_members: WithMembers = _as_sighted
         self.newest_track_s = -math.inf
         self.reports: Counter[str] = Counter()  # number of track reports by message
 
@@ -96,6 +106,14 @@ class WorldModel:
         else:
             self.ownship.observe(event)
 
+    def listen_to_team(self, with_members: WithMembers) -> None:
+        """Let members of a team fly what they told, by a function of tracks and the clock's reading [s]."""
+        self._with_members = with_members
+
+    def tracks(self, now_s: float) -> tuple[TrackState, ...]:
+        """Return all vehicles as estimated at an instant; members of a team by what they told."""
+        return self._with_members(self.tracker.tracks(now_s), now_s)
+
     def snapshot(self, now_s: float) -> Snapshot:
         """Return the world now: sensed radars stay known, tracks are predicted to this instant."""
         state = self.ownship.state(now_s)
@@ -105,7 +123,7 @@ class WorldModel:
             self.tracker.note_ownship(east, north, state.velocity_m_s)
             snapshot = snapshot.with_known(snapshot.sensed(east, north, self._horizon_m))
             snapshot = replace(snapshot, wind_enu_m_s=state.wind_enu_m_s)
-        self._snapshot = snapshot.with_tracks(now_s, self.tracker.tracks(now_s))
+        self._snapshot = snapshot.with_tracks(now_s, self.tracks(now_s))
         return self._snapshot
 
     @property

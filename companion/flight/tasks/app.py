@@ -34,6 +34,7 @@ from companion.flight.tasks.pilot_status import PilotStatus
 from companion.flight.tasks.progress_notices import ProgressNotices
 from companion.token_bucket import TokenBucket
 from companion.types.events import (
+    ClockReported,
     Event,
     GlobalPosition,
     Heartbeat,
@@ -44,6 +45,7 @@ from companion.types.events import (
     SettingsReported,
     StatusText,
     SteeringTarget,
+    TeamMessage,
 )
 from companion.types.mavlink_enums import SystemState
 from companion.types.state import Ownship
@@ -207,6 +209,8 @@ class App:
                 _log.info("autopilot: %s", event.text)
         elif isinstance(event, SteeringTarget):
             self._flight.apply(after_target_reported, event)
+        elif isinstance(event, ClockReported | TeamMessage):
+            self.replanning.team.take(event)
         else:
             if isinstance(event, GlobalPosition):
                 self._note_boot(event.boot_s)
@@ -451,9 +455,10 @@ class App:
         """Record the flight, and note goals that are reached."""
         while True:
             now = self._clock.now_s()
+            self.replanning.team.keep_up()
             if self.replanning.freshness.look(now):
                 self.replanning.plan_at_once(FRESH_AGAIN)
-            tracks = self.world_model.tracker.tracks(now)
+            tracks = self.world_model.tracks(now)
             if self.replanning.performance.look(now, tracks):
                 self.replanning.plan_at_once(DEVIATES)
             ownship = self.world_model.ownship.state(now)

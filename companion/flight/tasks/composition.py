@@ -109,7 +109,7 @@ def composed(
     world_model = WorldModel(flight.state.rules, seed)
     announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()
     parts = parts_for(
-        flight, world_model, link.autopilot, clock, announcer=announcer, checkpoint=checkpoint,
+        flight, world_model, link, clock, announcer=announcer, checkpoint=checkpoint,
         recorder=recorder, observer=observer, seed=seed, runner=runner,
     )  # fmt: skip
     replanning = Replanning(parts)

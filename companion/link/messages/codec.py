@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.messages.flight_modes import DIALECTS
 from companion.link.messages.track_messages import Tracks
 from companion.link.messages.vehicle_identity import VehicleIdentity
-from companion.link.messages.vehicle_telemetry import RefusedError, Telemetry
+from companion.link.messages.vehicle_telemetry import TEAM_PAYLOAD, RefusedError, Telemetry
 from companion.link.missions.mission_items import item_from_payload
 from companion.link.wire.decoded_frame import (
     AutopilotVersion,
@@ -269,6 +269,11 @@ class Codec:
             self._packed(mavlink.MAVLink_statustext_message(severity, chunk, number, index))
             for index, chunk in enumerate(chunks[:256])
         )
+
+    def team_message(self, payload: bytes) -> bytes:
+        """Pack a payload of :mod:`companion.team.wire` as a TUNNEL message to everybody."""
+        padded = payload.ljust(128, b"\0")
+        return self._packed(mavlink.MAVLink_tunnel_message(0, 0, TEAM_PAYLOAD, len(payload), padded))
 
     def named_value(self, boot_s: float, name: str, value: float) -> bytes:
         """Pack a NAMED_VALUE_FLOAT; the name is cut to ten characters."""

@@ -55,9 +55,15 @@ class Streams:
         Whether the messages of the battery monitor are requested, too.
     with_ground : bool
         Whether the messages about the ground below the aircraft are requested, too.
+    with_clock : bool
+        Whether the autopilot's UTC time is requested, too.
     """
 
-    def __init__(self, rate_hz: float, *, with_battery: bool = False, with_ground: bool = False) -> None:
+    def __init__(
+        self, rate_hz: float, *, with_battery: bool = False, with_ground: bool = False,
+        with_clock: bool = False,
+    ) -> None:  # fmt: skip
+        self._with_clock = with_clock
         self._rate_hz = rate_hz
         self._with_ground = with_ground
         self._with_battery = with_battery
@@ -138,4 +144,6 @@ class Streams:
         if self._with_ground:
             stored = MessageId.ALTITUDE if dialect.sends_covariances else MessageId.TERRAIN_REPORT
             rates |= dict.fromkeys((stored, MessageId.DISTANCE_SENSOR), (_GROUND_HZ, False))
+        if self._with_clock:
+            rates[MessageId.SYSTEM_TIME] = (slow, False)
         return {number: _Stream(rate, is_vital, now_s) for number, (rate, is_vital) in rates.items()}

@@ -15,6 +15,7 @@ from companion.types.events import (
     WIND_STD_M_S,
     AirData,
     Attitude,
+    ClockReported,
     EngineSpeed,
     EstimatorAccuracy,
     EstimatorHealth,
@@ -29,6 +30,7 @@ from companion.types.events import (
     Rebooted,
     StatusText,
     SteeringTarget,
+    TeamMessage,
     WindEstimate,
 )
 from companion.types.mavlink_enums import (
@@ -40,6 +42,7 @@ from companion.types.mavlink_enums import (
     SystemState,
 )
 
+TEAM_PAYLOAD = 0xA7E1  # A TUNNEL payload type above 32,767 is one's own, until MAVLink registers one.
 SPEED_MAX_M_S = 400.0  # Beyond the 700 kt that DAIDALUS counts on; the tracker has the same limit.
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
 NO_FIX_DEG = 0.01  # A position this close to 0°, 0°, in the sea off Africa, was sent before the first fix.
@@ -144,6 +147,9 @@ class Telemetry:
         """
         if kind == "HEARTBEAT":
             yield from self._heartbeat(message, frame, stamp_s)
+        elif kind == "TUNNEL" and message.payload_type == TEAM_PAYLOAD:
+            payload = bytes(message.payload[: message.payload_length])
+            yield TeamMessage(stamp_s, frame.system_id, payload)
         elif not self._identity.is_autopilot(frame.system_id, frame.component_id):
             return
         elif kind in ("GLOBAL_POSITION_INT", "ATTITUDE", "SYSTEM_TIME"):
@@ -198,6 +204,8 @@ class Telemetry:
             yield self._position(message, stamp_s)
         elif kind == "ATTITUDE":
             yield self._attitude(message, stamp_s)
+        elif message.time_unix_usec:  # 0 before the first GPS fix
+            yield ClockReported(stamp_s, message.time_unix_usec * 1e-6)
 
     def _has_rebooted(self, boot_ms: int) -> bool:
         """Distinguish a reboot from a late frame: after a reboot the clock continues from a low value."""

@@ -76,7 +76,7 @@ class Metrics(Observer):
         """Update the values; called in the event loop."""
         recorder, link, world_model = app.recorder, app.link, app.world_model
         quality = link.quality
-        state, tracks = world_model.ownship.state(now_s), world_model.tracker.tracks(now_s)
+        state, tracks = world_model.ownship.state(now_s), world_model.tracks(now_s)
         heard, missing = app.receives_autopilot, len(link.streams.missing)
         frames: Values = {("received",): quality.received, ("lost",): quality.lost}
         modes: Values = {(mode.name.lower(),): mode is app.mode for mode in Mode}

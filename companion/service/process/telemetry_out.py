@@ -65,7 +65,7 @@ class TelemetryReporter(Observer):
         boot_s = now_s - self._begun_s
         state = app.world_model.ownship.state(now_s)
         if state is not None:
-            level = app.world_model.threat_at(state, app.world_model.tracker.tracks(now_s))
+            level = app.world_model.threat_at(state, app.world_model.tracks(now_s))
             app.link.send(app.link.codec.named_value(boot_s, "threat", level))
         if math.isfinite(self._plan_quality):
             app.link.send(app.link.codec.named_value(boot_s, "plan_q", self._plan_quality))

@@ -33,7 +33,7 @@ def record_of_frames(mission: MissionConfig, recording: Recording) -> FlightReco
         state = world_model.ownship.state(now)
         if state is not None and now >= due_s:
             due_s = now + STATE_S
-            tracks = world_model.tracker.tracks(now)
+            tracks = world_model.tracks(now)
             recorder.state(now, state, tracks, world_model.threat_at(state, tracks))
     recorder.decisions += recording.decisions
     known = recorder.record({"frames": len(recording.frames), "flight_s": round(recording.duration_s, 1)})

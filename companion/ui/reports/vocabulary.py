@@ -51,6 +51,7 @@ KINDS: Final = {
     "fresh": Words("Data is fresh again"),
     "ground": Words("Ground", WATCH),
     "traffic": Words("Traffic", WATCH),
+    "team": Words("Team", WATCH),
     "fence": Words("Fences"),
     "rally": Words("Rally points"),
     "reload": Words("Mission file read again"),

@@ -9,7 +9,7 @@ from companion.clock import ManualClock
 from companion.config import load_mission
 from companion.errors import TransferError
 from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
-from companion.flight.exchange.swap_protocol import SwapParts
+from companion.flight.exchange.swap_protocol import NobodyAsked, SwapParts
 from companion.flight.state.flight_state import StateOwner, first_state
 from companion.flight.state.list_state import after_adopted
 from companion.mission.list_layout import TwoBankLayout
@@ -64,7 +64,7 @@ def made(dies_after=10_000):
     link, flight = List(items, dies_after), StateOwner(first_state(MISSION, 0.0))
     layout = TwoBankLayout(items[:2], 20, FLOWN, 0, None)
     flight.apply_to_list(after_adopted, items, layout, Operator(items[:2], 2, 1), None)
-    return ReturnExchange(SwapParts(flight, link, None, ManualClock())), link, flight
+    return ReturnExchange(SwapParts(flight, link, None, ManualClock(), NobodyAsked())), link, flight
 
 
 def store(exchange, bank):

@@ -1,0 +1,315 @@
+"""The service's part in a team: what it proposes before a mission is entered, and where the others will be.
+
+A mission is proposed when it is handed over, and stored in the autopilot while the others answer. It is
+entered once everybody has approved it (:class:`Consent`). Until the autopilot flies it, the others keep clear
+of both the flown and the proposed path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.clock import Clock
+from companion.config.sections.team_section import TeamConfig
+from companion.flight.construction.mission_construction import ConstructedMission
+from companion.flight.messages.announcer import Announcer
+from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.state.decision import DecisionKind, Verdict
+from companion.flight.state.flight_state import StateOwner
+from companion.frames import FloatArray
+from companion.team.agreement import Agreement, Outcome
+from companion.team.shared_plan import NUMBERS, SharedPlan, entering_circle
+from companion.team.team_settings import TeamSettings
+from companion.tracking.ownship import OwnshipEstimator
+from companion.types.events import ClockReported, TeamMessage
+from companion.types.threat import TrackState, places_on_route
+
+IDENTITY = "system:"  # What a vehicle's own position reports are tracked under, with its system id.
+DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
+STOPS_S = 1.0  # A member of a team is in its circle from this time after the end of its path at the latest.
+FAR_ABOVE_M = 10_000.0
+
+
+def settings_of(config: TeamConfig) -> TeamSettings:
+    """Return what the members agree on before they fly, from the mission file."""
+    return TeamSettings(
+        apart_m=config.apart_m, apart_up_m=config.apart_up_m, lost_after_s=config.lost_after_s
+    )
+
+
+@dataclass(slots=True)
+class UtcClock:
+    """UTC, by what the autopilot reports of it. A report arrives late, never early: the earliest one counts.
+
+    Parameters
+    ----------
+    ahead_s : float or None
+        UTC less the service's clock [s]; None before the first report.
+    reported_s : float
+        Time of the last report, by the service's clock [s].
+    """
+
+    ahead_s: float | None = None
+    reported_s: float = 0.0
+
+    def note(self, event: ClockReported) -> None:
+        """Take a report."""
+        ahead_s = event.unix_s - event.stamp_s
+        if self.ahead_s is not None:
+            drifted_s = self.ahead_s - DRIFT * (event.stamp_s - self.reported_s)
+            ahead_s = max(ahead_s, drifted_s)
+        self.ahead_s, self.reported_s = ahead_s, event.stamp_s
+
+
+class TeamExchange:
+    """Proposals to the team and its answers.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state, with the mission file.
+    ownship : OwnshipEstimator
+        The estimate of the aircraft.
+    link : VehicleLink
+        Sends the team's messages.
+    clock : Clock
+        The service's clock.
+    announcer : Announcer
+        Informs the pilot of members that are lost.
+    """
+
+    def __init__(
+        self, flight: StateOwner, ownship: OwnshipEstimator, link: VehicleLink, clock: Clock,
+        announcer: Announcer,
+    ) -> None:  # fmt: skip
+        self._flight, self._ownship, self._link, self._clock = flight, ownship, link, clock
+        self._announcer = announcer
+        self._utc = UtcClock()
+        self._agreement: Agreement | None = None
+        self._is_asking = False
+        self._lost = frozenset[int]()
+
+    @property
+    def agreement(self) -> Agreement | None:
+        """The member's part in the agreement; None without a team, or before system id and UTC are known."""
+        config, system_id = self._flight.state.mission.team, self._link.codec.vehicle_system_id
+        if self._agreement is None and config is not None and system_id is not None:
+            utc_s = self._utc_s()
+            if utc_s is not None and system_id in config.members:
+                self._agreement = Agreement(
+                    system_id, config.members, self._flight.state.mission.frame, settings_of(config),
+                    started_s=utc_s, first_number=int(utc_s) % NUMBERS, commits_itself=False,
+                )  # fmt: skip
+        return self._agreement
+
+    def _utc_s(self) -> float | None:
+        ahead_s = self._utc.ahead_s
+        return None if ahead_s is None else self._clock.now_s() + ahead_s
+
+    def take(self, event: ClockReported | TeamMessage) -> None:
+        """Take a report of the time, or another member's message."""
+        if isinstance(event, ClockReported):
+            self._utc.note(event)
+        elif self.agreement is not None and self._utc.ahead_s is not None:
+            self.agreement.receive(event.system_id, event.payload, event.stamp_s + self._utc.ahead_s)
+
+    def keep_up(self) -> None:
+        """Send what is due, and inform the pilot of members that are lost or received again."""
+        agreement, utc_s = self.agreement, self._utc_s()
+        if agreement is None or utc_s is None:
+            return
+        for payload in agreement.outgoing(utc_s):
+            self._link.send(self._link.codec.team_message(payload))
+        lost = agreement.members_lost(utc_s)
+        for member in sorted(lost ^ self._lost):
+            is_lost = member in lost
+            text = f"system {member} is {'lost' if is_lost else 'received'}"
+            self._announcer.decide(
+                DecisionKind.TEAM, text, tell="team lost" if is_lost else "team again", about=str(member),
+                member=member,
+            )  # fmt: skip
+        self._lost = lost
+
+    # --- proposals
+
+    def propose(self, constructed: ConstructedMission) -> str:
+        """Propose what is flown if a mission is entered; return with whom that conflicts, '' for nobody.
+
+        Parameters
+        ----------
+        constructed : ConstructedMission
+            The mission that is to be entered.
+        """
+        agreement, ahead_s = self.agreement, self._utc.ahead_s
+        self._is_asking = False
+        if agreement is None or ahead_s is None:
+            return ""
+        utc_s = self._clock.now_s() + ahead_s
+        plan = self._plan_of(constructed, agreement.member, ahead_s)
+        if plan is None:
+            return ""
+        self._is_asking = True
+        if agreement.propose(plan, utc_s, constructed.start.state.stamp_s + ahead_s) is None:
+            return f"the path of system {_listed(agreement.refused_by)}"
+        return ""
+
+    def _plan_of(self, constructed: ConstructedMission, member: int, ahead_s: float) -> SharedPlan | None:
+        """Return what is flown from now on: the flown path up to the start, the mission, and its circle."""
+        config, now_s = self._flight.state.mission.team, self._clock.now_s()
+        ownship, flown = self._ownship.state(now_s), self._flight.state.flown
+        if config is None or ownship is None:
+            return None
+        here = np.array([[now_s, *ownship.position_enu_m]])
+        start_s, path = constructed.start.state.stamp_s, constructed.path
+        parts = [here]
+        if flown is not None:
+            times = flown.path.times_s
+            is_before = (times > now_s) & (times < start_s - STOPS_S)
+            parts.append(np.column_stack([times, flown.path.positions_enu_m])[is_before])
+        is_carried = (path.times_s > now_s) & (path.times_s <= constructed.covered_until_s)
+        parts.append(np.column_stack([path.times_s, path.positions_enu_m])[is_carried])
+        centre, radius_m = constructed.waypoints.circle
+        rows = np.vstack(parts)
+        radius_m = abs(radius_m) or float(self._flight.state.turn_radius_m)
+        end = rows[-1]
+        away_m = math.dist(end[1:3], centre[:2])
+        rows = np.vstack(
+            [rows, [end[0] + max(away_m - radius_m, 0.0) / max(ownship.airspeed_m_s, 1.0), *centre]]
+        )
+        rows = entering_circle(rows, radius_m)
+        rows[:, 0] += ahead_s
+        return SharedPlan(
+            member, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m,
+            is_emergency=constructed.verdict is Verdict.EMERGENCY,
+        )  # fmt: skip
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the mission that is handed over may be entered: approved by all, or nobody is asked."""
+        agreement = self._agreement
+        return agreement is None or not self._is_asking or agreement.outcome() is Outcome.APPROVED
+
+    @property
+    def refusal(self) -> str:
+        """Why the mission may not be entered any more; '' while it may."""
+        agreement = self._agreement
+        if agreement is None or not self._is_asking:
+            return ""
+        if agreement.outcome() is Outcome.REFUSED:
+            return f"refused by system {_listed(agreement.refused_by)}"
+        return "not approved in time" if agreement.outcome() is Outcome.WITHDRAWN else ""
+
+    def hold(self) -> None:
+        """Note that the mission is being entered."""
+        if self._agreement is not None and self._is_asking:
+            self._agreement.hold()
+
+    def end(self, *, is_flown: bool) -> None:
+        """Note whether the mission is flown now."""
+        if self._agreement is not None and self._is_asking:
+            self._agreement.commit() if is_flown else self._agreement.withdraw()
+        self._is_asking = False
+
+    # --- where the others will be
+
+    def with_members(self, tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
+        """Return tracks in which members fly what they told; one that does not is an aircraft that passes.
+
+        Parameters
+        ----------
+        tracks : iterable of TrackState
+            All vehicles as they were sighted.
+        now_s : float
+            The clock's reading [s].
+        """
+        agreement, config = self._agreement, self._flight.state.mission.team
+        if agreement is None or config is None or self._utc.ahead_s is None:
+            return tuple(tracks)
+        ahead_s, others = self._utc.ahead_s, []
+        sighted: dict[int, TrackState] = {}
+        for track in tracks:
+            number = track.identity.removeprefix(IDENTITY)
+            if number != track.identity and number.isdecimal() and int(number) in config.members:
+                sighted[int(number)] = track
+                agreement.observe(int(number), track.position_enu_m, track.stamp_s + ahead_s)
+            else:
+                others.append(track)
+        reach_m = config.apart_m + 2.0 * config.tolerance_m
+        up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
+        told = {plan.member: plan for plan in agreement.plans_to_clear()}
+        for member in agreement.members_deviating(now_s + ahead_s) | agreement.members_lost(now_s + ahead_s):
+            told.pop(member, None)
+        others += [
+            replace(track, max_threat_radius_m=reach_m, flies_on=True, is_airborne=True, clear_up_m=up_m)
+            for member, track in sighted.items()
+            if member not in told
+        ]
+        for plan in agreement.plans_to_clear():
+            if plan.member in told:
+                others += _on_plan(plan, now_s, ahead_s, reach_m, up_m)
+        return tuple(sorted(others, key=lambda track: track.identity))
+
+
+def _on_plan(
+    plan: SharedPlan, now_s: float, ahead_s: float, reach_m: float, up_m: float
+) -> tuple[TrackState, TrackState]:
+    """Return a member that flies its plan as two tracks: one up to the circle, one in it.
+
+    A track has one radius. So the first is far above from the end of the path on, and the second before.
+
+    Parameters
+    ----------
+    plan : SharedPlan
+        The plan.
+    now_s, ahead_s : float
+        The clock's reading, and UTC less that [s].
+    reach_m, up_m : float
+        Horizontal and vertical distance to be kept [m].
+    """
+    rows = plan.rows.copy()
+    rows[:, 0] -= ahead_s
+    centre, end_s = rows[-1, 1:], max(float(rows[-1, 0]), now_s + STOPS_S)
+    away = centre + np.array([0.0, 0.0, FAR_ABOVE_M])
+    flown = rows[np.append(np.diff(rows[:, 0]) > 0.0, False)]
+    path = [*flown, (end_s, *centre), (end_s + STOPS_S, *away), (end_s + 2.0 * STOPS_S, *away)]
+    circle = [(now_s, *away), (end_s - STOPS_S, *away), (end_s, *centre), (end_s + STOPS_S, *centre)]
+    if now_s + ahead_s >= plan.end_s:
+        path = [(now_s, *away), (now_s + STOPS_S, *away)]
+        circle = [(now_s, *centre), (now_s + STOPS_S, *centre)]
+    name = f"{IDENTITY}{plan.member}"
+    return (
+        _on_route(name, now_s, np.array(path), reach_m, up_m),
+        _on_route(f"{name} circle", now_s, np.array(circle), reach_m + plan.radius_m, up_m),
+    )
+
+
+def _on_route(name: str, now_s: float, route: FloatArray, reach_m: float, up_m: float) -> TrackState:
+    """Return a track that flies a ``route`` (N, 4) for certain."""
+    route = route[np.append(True, np.diff(route[:, 0]) > 0.0)]
+    place, then = places_on_route(route, now_s + np.array([0.0, STOPS_S]))
+    velocity = (then - place) / STOPS_S
+    return TrackState(
+        stamp_s=now_s,
+        identity=name,
+        position_enu_m=(float(place[0]), float(place[1]), float(place[2])),
+        velocity_enu_m_s=(float(velocity[0]), float(velocity[1]), float(velocity[2])),
+        covariance=np.zeros((4, 4)),
+        speed_max_m_s=float(np.hypot(velocity[0], velocity[1])),
+        max_threat_radius_m=reach_m,
+        turn_radius_m=reach_m,
+        is_airborne=True,
+        observed_s=now_s,
+        flies_on=True,
+        clear_up_m=up_m,
+        height_std_m=0.0,
+        route=route,
+        keeps_route=True,
+    )
+
+
+def _listed(members: Iterable[int]) -> str:
+    return ", ".join(str(member) for member in sorted(members))
