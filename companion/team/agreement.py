@@ -164,6 +164,7 @@ class Agreement:
         self._standing = Standing()
         self._outcome, self._refused_by = Outcome.NONE, frozenset[int]()
         self._owed: frozenset[int] = frozenset()  # Members whose proposals are answered in the next report.
+        self._missing: frozenset[int] = frozenset()  # Members whose committed plan is not here.
         self._pacing = Pacing(settings, len(self._members))
 
     @property
@@ -324,10 +325,9 @@ class Agreement:
         """
         self._settle(now_s)
         payloads: list[bytes] = []
-        missing = tuple(other for other, peer in self._peers.items() if not peer.is_known)
-        waits = bool(missing) or self._proposal is not None
+        waits = bool(self._missing) or self._proposal is not None
         if self._pacing.takes_report(now_s, has_answers=bool(self._owed), waits=waits):
-            payloads += self._report(now_s, missing)
+            payloads += self._report(now_s)
         if self._proposal is not None and self._pacing.takes_plan(now_s):
             payloads += plan_payloads(self._standing, self._proposal.plan, self._frame)
         if self._committed is not None and self._pacing.takes_repetition(now_s):
@@ -335,7 +335,7 @@ class Agreement:
         self._pacing.spend(payloads)
         return payloads
 
-    def _report(self, now_s: float, missing: tuple[int, ...]) -> list[bytes]:
+    def _report(self, now_s: float) -> list[bytes]:
         """Return the report: answers that are owed, own numbers, whom it waits for."""
         answers: dict[bool, list[tuple[int, int]]] = {True: [], False: []}
         for other in sorted(self._owed):
@@ -346,13 +346,16 @@ class Agreement:
         awaited = frozenset[int]()
         if self._proposal is not None:
             awaited = self._needed(now_s) - self._proposal.approvals
-        report = Report(self._standing, tuple(answers[True]), tuple(answers[False]), missing, awaited)
+        report = Report(
+            self._standing, tuple(answers[True]), tuple(answers[False]), tuple(sorted(self._missing)), awaited
+        )
         return report_payloads(report, self._members)
 
     def _take_standing(self, sender: int, standing: Standing, now_s: float) -> None:
         """Take in what a member says of itself, if it is later than what is known."""
         before = self._peers[sender]
         self._peers[sender] = peer = before.after(standing)
+        self._missing = self._missing - {sender} if peer.is_known else self._missing | {sender}
         if peer.committed is not None and peer.committed is not before.committed and not before.is_approved:
             self._make_way(peer.committed, now_s)
 
@@ -373,7 +376,7 @@ class Agreement:
             self.counters[f"refused_{error}"] += 1
             return
         if is_committed:
-            self._peers[sender] = replace(peer, committed=plan)
+            self._peers[sender], self._missing = replace(peer, committed=plan), self._missing - {sender}
             self._make_way(plan, now_s)
         else:
             self._answer(sender, plan, now_s)
@@ -427,7 +430,7 @@ class Agreement:
             self._end_proposal(Outcome.WITHDRAWN)
             return
         needed = self._needed(now_s)
-        if needed <= own.approvals and all(self._peers[other].is_known for other in needed):
+        if needed <= own.approvals and not needed & self._missing:
             self._committed = own.plan
             self._end_proposal(Outcome.COMMITTED)
 

@@ -1,0 +1,141 @@
+"""A simple planner for one of many: straight to the goal, or around, higher, lower, or later."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.team.separation import PackedPlans
+from companion.team.shared_plan import SharedPlan, entering_circle
+from sim.team.scenes import Scene
+
+OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the way, as shares of its length.
+TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.
+ROUNDING_M = 1.0  # The plan that is told has tolerances larger by less than this.
+LEVEL_COST_S = 5.0  # A level more is as good as so much time on the way.
+
+
+@dataclass(frozen=True, slots=True)
+class Circling:
+    """An aircraft in its circle, which it flies counter-clockwise.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,)
+        East, north, up [m].
+    angle_rad : float
+        Direction from the centre at time zero, counter-clockwise from east [rad].
+    rate_rad_s : float
+        How fast that grows [rad/s].
+    """
+
+    centre: FloatArray
+    angle_rad: float
+    rate_rad_s: float
+
+    def passes(self, angle_rad: float, after_s: float) -> float:
+        """Return the first time after another at which the aircraft is in a direction from the centre [s]."""
+        ahead = (angle_rad - self.angle_rad - self.rate_rad_s * after_s) % (2.0 * math.pi)
+        return after_s + ahead / self.rate_rad_s
+
+
+def candidates(scene: Scene, circling: Circling, goal: FloatArray, leaves_after_s: float) -> list[FloatArray]:
+    """Return ways to a goal, the one that costs least first.
+
+    Parameters
+    ----------
+    scene : Scene
+        The team.
+    circling : Circling
+        Where the aircraft is.
+    goal : ndarray, shape (3,)
+        Centre of the circle in which the way ends [m].
+    leaves_after_s : float
+        The aircraft stays in its circle until then [s].
+
+    Returns
+    -------
+    list of ndarray, each of shape (M, 4)
+        Time [s], east, north, up [m]: the place where the circle is left, places on the way, the centre.
+    """
+    found = [
+        (rows[-1, 0] + LEVEL_COST_S * abs(level - goal[2]) / 50.0, n, rows)
+        for n, (level, rows) in enumerate(_ways(scene, circling, goal, leaves_after_s))
+    ]
+    return [rows for _, _, rows in sorted(found, key=lambda way: way[:2])]
+
+
+def _ways(
+    scene: Scene, circling: Circling, goal: FloatArray, leaves_after_s: float
+) -> Iterator[tuple[float, FloatArray]]:
+    centre = circling.centre
+    length = math.hypot(*(goal[:2] - centre[:2]))
+    across = np.array([centre[1] - goal[1], goal[0] - centre[0]])  # to the left, as long as the way
+    for offset in OFFSETS:
+        middle = 0.5 * (centre[:2] + goal[:2]) + offset * across
+        towards = middle - centre[:2]
+        angle = math.atan2(towards[1], towards[0]) - math.acos(
+            min(scene.radius_m / math.hypot(*towards), 1.0)
+        )
+        exit_m = centre[:2] + scene.radius_m * np.array([math.cos(angle), math.sin(angle)])
+        places = np.vstack([exit_m, middle, goal[:2]]) if offset else np.vstack([exit_m, goal[:2]])
+        for level in scene.levels_m:
+            profile = _with_heights(places, (centre[2], level, goal[2]), scene.climb)
+            if profile is None:
+                continue
+            steps = np.hypot(*np.diff(profile[:, :2], axis=0).T) / scene.speed_m_s
+            after = np.concatenate([[0.0], np.cumsum(steps)])
+            for turns in TURNS:
+                turn_s = 2.0 * math.pi / circling.rate_rad_s
+                leaves_s = circling.passes(angle, leaves_after_s) + turns * turn_s
+                rows = np.column_stack([leaves_s + after, profile])
+                if length > 3.0 * scene.radius_m:
+                    yield level, entering_circle(rows, scene.radius_m)
+
+
+def _with_heights(places: FloatArray, ups: tuple[float, float, float], climb: float) -> FloatArray | None:
+    """Return ``places`` (M, 2) with heights, (K, 3): a climb, level flight, a descent; None if too short."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    begin, end = abs(ups[1] - ups[0]) / climb, along[-1] - abs(ups[2] - ups[1]) / climb
+    if begin > end:
+        return None
+    at = np.unique(np.concatenate([along, [begin, end]]))
+    at = at[np.concatenate([[True], np.diff(at) > 1.0])]
+    at[-1] = along[-1]
+    bends = [0.0, begin, max(end, begin + 1e-6), along[-1] + 1e-5]
+    east, north = np.interp(at, along, places[:, 0]), np.interp(at, along, places[:, 1])
+    return np.column_stack([east, north, np.interp(at, bends, [ups[0], ups[1], ups[1], ups[2]])])
+
+
+def first_clear(
+    scene: Scene, circling: Circling, ways: list[FloatArray], against: tuple[SharedPlan, ...], now_s: float
+) -> SharedPlan | None:
+    """Return the first way that keeps clear of the plans of others, as a plan that begins now; None if none does.
+
+    Parameters
+    ----------
+    scene : Scene
+        The team.
+    circling : Circling
+        Where the aircraft is.
+    ways : list of ndarray, each of shape (M, 4)
+        The ways, as :func:`candidates` returns them.
+    against : tuple of SharedPlan
+        The plans of others.
+    now_s : float
+        Time [s].
+    """
+    packed = PackedPlans(against, scene.settings)
+    for way in ways:
+        rows = np.vstack([[now_s, *circling.centre], way])
+        plan = SharedPlan(
+            0, 0, rows, scene.radius_m, scene.tolerance_m + ROUNDING_M, scene.tolerance_up_m + ROUNDING_M,
+            first_radius_m=scene.radius_m,
+        )  # fmt: skip
+        if packed.first_conflict(plan, now_s) is None:
+            return plan
+    return None
