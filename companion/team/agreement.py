@@ -308,11 +308,11 @@ class Agreement:
             self.counters[f"refused_{error}"] += 1
             return
         self._heard_s[sender] = now_s
-        if message.standing != peer.standing:
+        if message.standing is not peer.standing:  # The same standing is the same object nearly always.
             self._take_standing(sender, message.standing, now_s)
         if isinstance(message, Fragment):
             self._take_fragment(sender, message, now_s)
-        elif message.concerns(self.member):
+        elif self.member in message.concerned:
             self._take_report(sender, message, now_s)
 
     def outgoing(self, now_s: float) -> list[bytes]:
@@ -345,7 +345,7 @@ class Agreement:
         self._owed = frozenset()
         awaited = frozenset[int]()
         if self._proposal is not None:
-            awaited = self._needed(now_s) - self._proposal.approvals
+            awaited = frozenset(self._peers) - self.members_lost(now_s) - self._proposal.approvals
         report = Report(
             self._standing, tuple(answers[True]), tuple(answers[False]), tuple(sorted(self._missing)), awaited
         )
@@ -354,7 +354,10 @@ class Agreement:
     def _take_standing(self, sender: int, standing: Standing, now_s: float) -> None:
         """Take in what a member says of itself, if it is later than what is known."""
         before = self._peers[sender]
-        self._peers[sender] = peer = before.after(standing)
+        peer = before.after(standing)
+        if peer is before:
+            return
+        self._peers[sender] = peer
         self._missing = self._missing - {sender} if peer.is_known else self._missing | {sender}
         if peer.committed is not None and peer.committed is not before.committed and not before.is_approved:
             self._make_way(peer.committed, now_s)
@@ -417,10 +420,6 @@ class Agreement:
             self._proposal = replace(own, approvals=own.approvals | {sender})
             self._settle(now_s)
 
-    def _needed(self, now_s: float) -> frozenset[int]:
-        """Return the members whose approval is needed."""
-        return frozenset(self._peers) - self.members_lost(now_s)
-
     def _settle(self, now_s: float) -> None:
         """Commit the proposal if everybody has approved it, or withdraw it if it is too late."""
         own = self._proposal
@@ -429,8 +428,8 @@ class Agreement:
         if now_s >= own.commit_before_s:
             self._end_proposal(Outcome.WITHDRAWN)
             return
-        needed = self._needed(now_s)
-        if needed <= own.approvals and not needed & self._missing:
+        heard_after_s, has = now_s - self._settings.lost_after_s, own.approvals - self._missing
+        if all(other in has or heard_s <= heard_after_s for other, heard_s in self._heard_s.items()):
             self._committed = own.plan
             self._end_proposal(Outcome.COMMITTED)
 

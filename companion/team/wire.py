@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -102,6 +102,8 @@ class Report:
         Members whose committed plan it does not have.
     awaited : frozenset of int
         Members whose approval of its proposal it does not have.
+    concerned : frozenset of int
+        Members to whom the report says something beside the standing.
     """
 
     standing: Standing
@@ -110,14 +112,11 @@ class Report:
     missing: tuple[int, ...] = ()
     awaited: frozenset[int] = frozenset()
 
-    def concerns(self, member: int) -> bool:
-        """Return whether the report says something to a member, beside the sender's standing."""
-        return (
-            member in self.awaited
-            or member in self.missing
-            or any(member == other for other, _ in self.approved)
-            or any(member == other for other, _ in self.refused)
-        )
+    concerned: frozenset[int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        answered = (other for other, _ in (*self.approved, *self.refused))
+        object.__setattr__(self, "concerned", self.awaited.union(self.missing, answered))
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,12 +233,7 @@ def read_payload(payload: bytes, members: tuple[int, ...]) -> Report | Fragment:
     kind, flags, committed, latest = HEADER.unpack_from(payload)
     if kind >> 4 != VERSION:
         raise PayloadError("version")
-    standing = Standing(
-        committed if flags & HAS_COMMITTED else None,
-        latest if flags & HAS_LATEST else None,
-        bool(flags & IS_PENDING),
-    )
-    _check(standing)
+    standing = _read_standing(flags, committed, latest)
     body = payload[HEADER.size :]
     if kind & 0xF == REPORT:
         return _read_report(standing, body, members)
@@ -316,17 +310,21 @@ def _header(kind: int, standing: Standing) -> bytes:
     return HEADER.pack(VERSION << 4 | kind, flags, standing.committed or 0, standing.latest or 0)
 
 
-def _check(standing: Standing) -> None:
-    """Refuse numbers that no member can have."""
-    committed, latest = standing.committed, standing.latest
-    if latest is None:
-        is_possible = committed is None and not standing.is_pending
-    elif committed is None:
+@lru_cache(maxsize=CACHED)
+def _read_standing(flags: int, committed: int, latest: int) -> Standing:
+    """Return what a header says of its sender; numbers that no member can have are refused."""
+    is_pending = bool(flags & IS_PENDING)
+    if not flags & HAS_LATEST:
+        is_possible = not flags & HAS_COMMITTED and not is_pending
+    elif not flags & HAS_COMMITTED:
         is_possible = True
     else:
-        is_possible = is_newer(latest, committed) or (latest == committed and not standing.is_pending)
+        is_possible = is_newer(latest, committed) or (latest == committed and not is_pending)
     if not is_possible:
         raise PayloadError("standing")
+    return Standing(
+        committed if flags & HAS_COMMITTED else None, latest if flags & HAS_LATEST else None, is_pending
+    )
 
 
 def _read_report(standing: Standing, body: bytes, members: tuple[int, ...]) -> Report:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +43,27 @@ class Circling:
         return after_s + ahead / self.rate_rad_s
 
 
-def candidates(scene: Scene, circling: Circling, goal: FloatArray, leaves_after_s: float) -> list[FloatArray]:
-    """Return ways to a goal, the one that costs least first.
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A way to the goal, whenever it is flown.
+
+    Parameters
+    ----------
+    angle_rad : float
+        Direction from the centre in which the circle is left [rad].
+    rows : ndarray, shape (M, 4)
+        Time after leaving [s], east, north, up [m]: where the circle is left, places on the way, the centre.
+    cost_s : float
+        What the way costs, as time [s].
+    """
+
+    angle_rad: float
+    rows: FloatArray
+    cost_s: float
+
+
+def ways_to(scene: Scene, circling: Circling, goal: FloatArray) -> list[Way]:
+    """Return ways to a goal: straight and around, on all levels.
 
     Parameters
     ----------
@@ -54,47 +73,50 @@ def candidates(scene: Scene, circling: Circling, goal: FloatArray, leaves_after_
         Where the aircraft is.
     goal : ndarray, shape (3,)
         Centre of the circle in which the way ends [m].
-    leaves_after_s : float
-        The aircraft stays in its circle until then [s].
-
-    Returns
-    -------
-    list of ndarray, each of shape (M, 4)
-        Time [s], east, north, up [m]: the place where the circle is left, places on the way, the centre.
     """
-    found = [
-        (rows[-1, 0] + LEVEL_COST_S * abs(level - goal[2]) / 50.0, n, rows)
-        for n, (level, rows) in enumerate(_ways(scene, circling, goal, leaves_after_s))
-    ]
-    return [rows for _, _, rows in sorted(found, key=lambda way: way[:2])]
-
-
-def _ways(
-    scene: Scene, circling: Circling, goal: FloatArray, leaves_after_s: float
-) -> Iterator[tuple[float, FloatArray]]:
-    centre = circling.centre
-    length = math.hypot(*(goal[:2] - centre[:2]))
+    centre, found = circling.centre, []
     across = np.array([centre[1] - goal[1], goal[0] - centre[0]])  # to the left, as long as the way
     for offset in OFFSETS:
         middle = 0.5 * (centre[:2] + goal[:2]) + offset * across
         towards = middle - centre[:2]
-        angle = math.atan2(towards[1], towards[0]) - math.acos(
-            min(scene.radius_m / math.hypot(*towards), 1.0)
-        )
+        angle = math.atan2(towards[1], towards[0]) - math.acos(scene.radius_m / math.hypot(*towards))
         exit_m = centre[:2] + scene.radius_m * np.array([math.cos(angle), math.sin(angle)])
         places = np.vstack([exit_m, middle, goal[:2]]) if offset else np.vstack([exit_m, goal[:2]])
         for level in scene.levels_m:
             profile = _with_heights(places, (centre[2], level, goal[2]), scene.climb)
-            if profile is None:
-                continue
-            steps = np.hypot(*np.diff(profile[:, :2], axis=0).T) / scene.speed_m_s
-            after = np.concatenate([[0.0], np.cumsum(steps)])
-            for turns in TURNS:
-                turn_s = 2.0 * math.pi / circling.rate_rad_s
-                leaves_s = circling.passes(angle, leaves_after_s) + turns * turn_s
-                rows = np.column_stack([leaves_s + after, profile])
-                if length > 3.0 * scene.radius_m:
-                    yield level, entering_circle(rows, scene.radius_m)
+            if profile is not None:
+                steps = np.hypot(*np.diff(profile[:, :2], axis=0).T) / scene.speed_m_s
+                after = np.concatenate([[0.0], np.cumsum(steps)])
+                rows = entering_circle(np.column_stack([after, profile]), scene.radius_m)
+                found.append(Way(angle, rows, rows[-1, 0] + LEVEL_COST_S * abs(level - goal[2]) / 50.0))
+    return found
+
+
+def candidates(circling: Circling, ways: list[Way], leaves_after_s: float) -> Iterator[FloatArray]:
+    """Go through ways and the times at which they can be flown, the one that costs least first.
+
+    Parameters
+    ----------
+    circling : Circling
+        Where the aircraft is.
+    ways : list of Way
+        The ways.
+    leaves_after_s : float
+        The aircraft stays in its circle until then [s].
+
+    Yields
+    ------
+    ndarray, shape (M, 4)
+        Time [s], east, north, up [m] of a way.
+    """
+    turn_s = 2.0 * math.pi / circling.rate_rad_s
+    found = [
+        (circling.passes(way.angle_rad, leaves_after_s) + turns * turn_s, way)
+        for way in ways
+        for turns in TURNS
+    ]
+    for leaves_s, way in sorted(found, key=lambda each: each[0] + each[1].cost_s):
+        yield way.rows + np.array([leaves_s, 0.0, 0.0, 0.0])
 
 
 def _with_heights(places: FloatArray, ups: tuple[float, float, float], climb: float) -> FloatArray | None:
@@ -112,9 +134,13 @@ def _with_heights(places: FloatArray, ups: tuple[float, float, float], climb: fl
 
 
 def first_clear(
-    scene: Scene, circling: Circling, ways: list[FloatArray], against: tuple[SharedPlan, ...], now_s: float
+    scene: Scene,
+    circling: Circling,
+    ways: Iterable[FloatArray],
+    against: tuple[SharedPlan, ...],
+    now_s: float,
 ) -> SharedPlan | None:
-    """Return the first way that keeps clear of the plans of others, as a plan that begins now; None if none does.
+    """Return the first way that keeps clear of others, as a plan that begins now; None if none does.
 
     Parameters
     ----------
@@ -122,12 +148,12 @@ def first_clear(
         The team.
     circling : Circling
         Where the aircraft is.
-    ways : list of ndarray, each of shape (M, 4)
-        The ways, as :func:`candidates` returns them.
+    ways : iterable of ndarray, each of shape (M, 4)
+        UTC time [s], east, north, up [m] of each way.
     against : tuple of SharedPlan
         The plans of others.
     now_s : float
-        Time [s].
+        UTC time [s].
     """
     packed = PackedPlans(against, scene.settings)
     for way in ways:

@@ -10,7 +10,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.team.agreement import Agreement, Outcome
 from companion.team.shared_plan import SharedPlan
-from sim.team.candidates import Circling, candidates, first_clear
+from sim.team.candidates import Circling, Way, candidates, first_clear, ways_to
 from sim.team.scenes import FRAME, Scene, starts_and_goals
 from sim.team.team_radio import TeamRadio
 from sim.team.true_distances import STEP_S, Flown, pairs_lost, true_places
@@ -77,7 +77,7 @@ class TeamMember:
         self.agreement = Agreement(
             index + 1, range(1, scene.num_aircraft + 1), FRAME, scene.settings, started_s=BEGIN_S
         )
-        self.circling, self.goal = circling, goal
+        self.circling, self.ways = circling, ways_to(scene, circling, goal)
         self.way: FloatArray | None = None
         self.proposals = self.refused = self.withdrawn = 0
         self.agreed_s = np.nan
@@ -127,10 +127,9 @@ class TeamMember:
             known = {other.member for other in against} | self.agreement.members_lost(utc_s)
             if len(known) < scene.num_aircraft - 1:
                 return  # Somebody is in a circle that is not known.
-            ways = candidates(scene, self.circling, self.goal, now_s + LEAD_S)
-            for way in ways:
-                way[:, 0] += BEGIN_S
-            found = first_clear(scene, self.circling, ways, against, utc_s)
+            ways = candidates(self.circling, self.ways, now_s + LEAD_S)
+            utc_ways = (way + np.array([BEGIN_S, 0.0, 0.0, 0.0]) for way in ways)
+            found = first_clear(scene, self.circling, utc_ways, against, utc_s)
             if found is None:
                 self.refused += 1
                 return
@@ -182,7 +181,7 @@ def fly(seed: int, scene: Scene) -> RunRow:
             for payload in members[n].agreement.outgoing(BEGIN_S + now_s):
                 radio.send(n, payload, step, places_m)
     flown = [Flown(member.circling, member.way) for member in members]
-    straight_s = np.array([_straight(scene, m.circling, m.goal)[-1, 0] for m in members if m.way is not None])
+    straight_s = np.array([_straight(m.circling, m.ways)[-1, 0] for m in members if m.way is not None])
     arrived_s = np.array([member.arrives_s for member in members if member.way is not None])
     return RunRow(
         seed, scene.num_aircraft, True, len(_pairs_lost(scene, flown, now_s, rng)),
@@ -213,7 +212,8 @@ def fly_straight(seed: int, scene: Scene) -> RunRow:
     began_s = time.perf_counter()
     rng = np.random.default_rng(seed)
     circlings, goals = _drawn(scene, rng)
-    ways = [_straight(scene, circling, goal) for circling, goal in zip(circlings, goals, strict=True)]
+    pairs = zip(circlings, goals, strict=True)
+    ways = [_straight(circling, ways_to(scene, circling, goal)) for circling, goal in pairs]
     flown = [Flown(circling, way) for circling, way in zip(circlings, ways, strict=True)]
     end_s = max(way[-1, 0] for way in ways) + 10.0
     lost = _pairs_lost(scene, flown, end_s, rng)
@@ -229,9 +229,9 @@ def _drawn(scene: Scene, rng: np.random.Generator) -> tuple[list[Circling], Floa
     return [Circling(start, float(angle), rate) for start, angle in zip(starts, angles, strict=True)], goals
 
 
-def _straight(scene: Scene, circling: Circling, goal: FloatArray) -> FloatArray:
-    """Return the first candidate if nobody is in the way, from time zero on, (M, 4) [s, m]."""
-    return candidates(scene, circling, goal, 0.0)[0]
+def _straight(circling: Circling, ways: list[Way]) -> FloatArray:
+    """Return the way that costs least if nobody is in it, from time zero on, (M, 4) [s, m]."""
+    return next(candidates(circling, ways, 0.0))
 
 
 def _pairs_lost(

@@ -16,6 +16,7 @@ from sim.team.candidates import Circling
 from sim.team.scenes import Scene
 
 STEP_S = 0.25
+TOGETHER = 8  # Pairs that are near each other are sought for so many instants at once.
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +91,13 @@ def pairs_lost(scene: Scene, places: FloatArray) -> set[tuple[int, int]]:
         East, north, up of each aircraft at each instant [m].
     """
     found: set[tuple[int, int]] = set()
-    for instant in np.swapaxes(places, 0, 1):
-        near = cKDTree(instant[:, :2]).query_pairs(scene.settings.apart_m, output_type="ndarray")
-        low = abs(instant[near[:, 0], 2] - instant[near[:, 1], 2]) < scene.settings.apart_up_m
-        found |= {(int(one), int(other)) for one, other in near[low]}
+    apart_m, up_m = scene.settings.apart_m, scene.settings.apart_up_m
+    for first in range(0, places.shape[1], TOGETHER):
+        part = places[:, first : first + TOGETHER]
+        # Nobody moves farther in these instants than the reach, so that all other pairs stay apart.
+        reach_m = 2.0 * float(np.hypot(*(part - part[:, :1])[:, :, :2].T).max())
+        near = cKDTree(part[:, 0, :2]).query_pairs(apart_m + reach_m, output_type="ndarray")
+        between = part[near[:, 0]] - part[near[:, 1]]
+        is_lost = (np.hypot(between[..., 0], between[..., 1]) < apart_m) & (abs(between[..., 2]) < up_m)
+        found |= {(int(one), int(other)) for one, other in near[is_lost.any(axis=1)]}
     return found
