@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from companion.config import MissionConfig
 from companion.types.events import Dialect
 from companion.types.mission import Command
-from sim.autopilot.base import Autopilot
+from sim.autopilot.base import SYSTEM_ID, Autopilot
 from sim.autopilot.channel import Channel
 from sim.mission_types import is_navigation
 from sim.scenario import build
@@ -23,6 +23,7 @@ from sim.vehicle.control import TICK_S
 Place = tuple[float, float, float]
 Aircraft = Sequence[tuple[str, PassingAircraft]]
 
+GROUND_STATION = 255  # System id of a ground station.
 _TURN_US = 20_000
 _TICKS_A_SECOND = round(1.0 / TICK_S)
 _ENDLESS = frozenset({Command.NAV_LOITER_UNLIM, Command.NAV_RETURN_TO_LAUNCH, Command.NAV_LAND})
@@ -47,6 +48,8 @@ class Simulator:
         Factor by which the battery of a mission with a section ``energy`` falls faster than the flight takes.
     aircraft : sequence of (str, PassingAircraft)
         Aircraft that pass, by their names.
+    system_id : int
+        The autopilot's MAVLink system id.
 
     Attributes
     ----------
@@ -66,6 +69,7 @@ class Simulator:
         route_enu_m: tuple[Place, ...] = (),
         battery_drain: float = 1.0,
         aircraft: Aircraft = (),
+        system_id: int = SYSTEM_ID,
     ) -> None:
         scenario = build(
             mission, seed, dialect, on_ground=on_ground, route_enu_m=route_enu_m,
@@ -79,6 +83,7 @@ class Simulator:
         self._next_record_us = 0
         self._route_key: tuple[int, int, str] | None = None
         self._route: tuple[tuple[float, float], ...] = ()
+        self.autopilot.system_id = system_id
         self._channel = self.autopilot.add_channel()
         self._record()
 
@@ -99,6 +104,12 @@ class Simulator:
         while self._now_us < end_us:
             self._now_us = min(end_us, self._now_us + _TURN_US)
             self._turn()
+
+    def add_radio(self) -> Channel:
+        """Open a channel to a radio, over which the autopilot forwards what is for everybody."""
+        channel = self.autopilot.add_channel()
+        channel.systems_seen.add(GROUND_STATION)
+        return channel
 
     def receive(self, data: bytes) -> None:
         """Take bytes from the client; any split of frames, acted on at once."""

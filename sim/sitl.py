@@ -7,10 +7,11 @@ seed gives the same flight.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import About, Recorder
 from companion.service.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.types.events import Dialect
+from sim.autopilot.base import SYSTEM_ID
 from sim.faults import FaultyLink
 from sim.flight_measures import FlightMeasures, Measures, measured
 from sim.simulator import Aircraft, Place, Simulator
@@ -67,6 +69,8 @@ class Flight:
         Factor by which the battery falls faster than the flight takes.
     aircraft : sequence of (str, PassingAircraft)
         Aircraft that pass, by their names.
+    system_id : int
+        The autopilot's MAVLink system id.
 
     Attributes
     ----------
@@ -86,6 +90,7 @@ class Flight:
     route_enu_m: tuple[Place, ...] = ()
     battery_drain: float = 1.0
     aircraft: Aircraft = ()
+    system_id: int = SYSTEM_ID
     wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)
@@ -97,6 +102,7 @@ class Flight:
         self.simulator = Simulator(
             self.mission, seed=self.seed, dialect=self.dialect, on_ground=self.on_ground,
             route_enu_m=self.route_enu_m, battery_drain=self.battery_drain, aircraft=self.aircraft,
+            system_id=self.system_id,
         )  # fmt: skip
         self.wire = self.simulator
 
@@ -129,6 +135,22 @@ class Flight:
         NoAutopilotError
             If no heartbeat comes within 10 s of simulated time.
         """
+        arrived_s = math.inf
+        async with self.running() as advance:
+            while self.now_s < self.limit_s and self.now_s < arrived_s + LINGER_S:
+                await advance()
+                if self.has_arrived() and arrived_s == math.inf:
+                    arrived_s = self.now_s
+                if self.simulator.truth.collision:
+                    break
+                if self.now_s > SILENT_S and not self.app.link.has_received:
+                    raise NoAutopilotError("no heartbeat of an autopilot within 10 s")
+                if on_step is not None:
+                    on_step(self)
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator[Callable[[], Awaitable[None]]]:
+        """Run the service; what is returned advances simulated time once, and lets the service act on it."""
         clock = ManualClock()
         ours, theirs = MemoryTransport.pair()
         link = VehicleLink(self.mission, ours, clock, self.recorder)
@@ -139,26 +161,21 @@ class Flight:
         theirs.set_receiver(self.wire.receive)
         await theirs.open()
         running = asyncio.create_task(self.app.run(), name="service")
-        began, arrived_s = time.perf_counter(), math.inf
+        began = time.perf_counter()
+
+        async def advance() -> None:
+            await self._step(clock, theirs, running)
+            if math.isfinite(self.speed):
+                await asyncio.sleep(max(0.0, began + self.now_s / self.speed - time.perf_counter()))
+
         try:
-            while self.now_s < self.limit_s and self.now_s < arrived_s + LINGER_S:
-                await self._step(clock, theirs, running)
-                if self._has_arrived() and arrived_s == math.inf:
-                    arrived_s = self.now_s
-                if self.simulator.truth.collision:
-                    break
-                if self.now_s > SILENT_S and not self.app.link.has_received:
-                    raise NoAutopilotError("no heartbeat of an autopilot within 10 s")
-                if on_step is not None:
-                    on_step(self)
-                if math.isfinite(self.speed):
-                    await asyncio.sleep(max(0.0, began + self.now_s / self.speed - time.perf_counter()))
+            yield advance
         finally:
             self.wall_s = time.perf_counter() - began
             await stop(running)
             self.recorder.close()
 
-    def _has_arrived(self) -> bool:
+    def has_arrived(self) -> bool:
         """Return whether the goal is reached, by the service or, if that does not plan, by the truth."""
         if not self.route_enu_m:
             return self.app.mode is Mode.ARRIVED

@@ -170,6 +170,7 @@ class Agreement:
         self._standing = Standing()
         self._outcome, self._refused_by = Outcome.NONE, frozenset[int]()
         self._owed: frozenset[int] = frozenset()  # Members whose proposals are answered in the next report.
+        self._missing: frozenset[int] = frozenset()  # Members whose committed plan is not here.
         self._pacing = Pacing(settings, len(self._members))
 
     @property
@@ -324,11 +325,11 @@ class Agreement:
             self.counters[f"refused_{error}"] += 1
             return
         self._heard_s[sender] = now_s
-        if message.standing != peer.standing:
+        if message.standing is not peer.standing:  # The same standing is the same object nearly always.
             self._take_standing(sender, message.standing, now_s)
         if isinstance(message, Fragment):
             self._take_fragment(sender, message, now_s)
-        elif message.concerns(self.member):
+        elif self.member in message.concerned:
             self._take_report(sender, message, now_s)
 
     def outgoing(self, now_s: float) -> list[bytes]:
@@ -341,10 +342,9 @@ class Agreement:
         """
         self._settle(now_s)
         payloads: list[bytes] = []
-        missing = tuple(other for other, peer in self._peers.items() if not peer.is_known)
-        waits = bool(missing) or self._proposal is not None
+        waits = bool(self._missing) or self._proposal is not None
         if self._pacing.takes_report(now_s, has_answers=bool(self._owed), waits=waits):
-            payloads += self._report(now_s, missing)
+            payloads += self._report(now_s)
         if self._proposal is not None and self._pacing.takes_plan(now_s):
             payloads += plan_payloads(self._standing, self._proposal.plan, self._frame)
         if self._committed is not None and self._pacing.takes_repetition(now_s):
@@ -352,7 +352,7 @@ class Agreement:
         self._pacing.spend(payloads)
         return payloads
 
-    def _report(self, now_s: float, missing: tuple[int, ...]) -> list[bytes]:
+    def _report(self, now_s: float) -> list[bytes]:
         """Return the report: answers that are owed, own numbers, whom it waits for."""
         answers: dict[bool, list[tuple[int, int]]] = {True: [], False: []}
         for other in sorted(self._owed):
@@ -362,14 +362,20 @@ class Agreement:
         self._owed = frozenset()
         awaited = frozenset[int]()
         if self._proposal is not None:
-            awaited = self._needed(now_s) - self._proposal.approvals
-        report = Report(self._standing, tuple(answers[True]), tuple(answers[False]), missing, awaited)
+            awaited = frozenset(self._peers) - self.members_lost(now_s) - self._proposal.approvals
+        report = Report(
+            self._standing, tuple(answers[True]), tuple(answers[False]), tuple(sorted(self._missing)), awaited
+        )
         return report_payloads(report, self._members)
 
     def _take_standing(self, sender: int, standing: Standing, now_s: float) -> None:
         """Take in what a member says of itself, if it is later than what is known."""
         before = self._peers[sender]
-        self._peers[sender] = peer = before.after(standing)
+        peer = before.after(standing)
+        if peer is before:
+            return
+        self._peers[sender] = peer
+        self._missing = self._missing - {sender} if peer.is_known else self._missing | {sender}
         if peer.committed is not None and peer.committed is not before.committed and not before.is_approved:
             self._make_way(peer.committed, now_s)
 
@@ -390,7 +396,7 @@ class Agreement:
             self.counters[f"refused_{error}"] += 1
             return
         if is_committed:
-            self._peers[sender] = replace(peer, committed=plan)
+            self._peers[sender], self._missing = replace(peer, committed=plan), self._missing - {sender}
             self._make_way(plan, now_s)
         else:
             self._answer(sender, plan, now_s)
@@ -431,10 +437,6 @@ class Agreement:
             self._proposal = replace(own, approvals=own.approvals | {sender})
             self._settle(now_s)
 
-    def _needed(self, now_s: float) -> frozenset[int]:
-        """Return the members whose approval is needed."""
-        return frozenset(self._peers) - self.members_lost(now_s)
-
     def _settle(self, now_s: float) -> None:
         """Commit the proposal if everybody has approved it, or withdraw it if it is too late."""
         own = self._proposal
@@ -443,8 +445,8 @@ class Agreement:
         if now_s >= own.commit_before_s:
             self._end_proposal(Outcome.WITHDRAWN)
             return
-        needed = self._needed(now_s)
-        if needed <= own.approvals and all(self._peers[other].is_known for other in needed):
+        heard_after_s, has = now_s - self._settings.lost_after_s, own.approvals - self._missing
+        if all(other in has or heard_s <= heard_after_s for other, heard_s in self._heard_s.items()):
             self._outcome = Outcome.APPROVED
             if self._commits_itself:
                 self.commit()

@@ -27,7 +27,7 @@ def margin_between(one: SharedPlan, other: SharedPlan, settings: TeamSettings, s
         UTC time from which on the plans are compared [s].
     """
     return least_margin(
-        one.rows, one.radius_m, other.rows, other.radius_m, since_s,
+        one.rows, one.discs_m, other.rows, other.discs_m, since_s,
         settings.apart_m + one.tolerance_m + other.tolerance_m,
         settings.apart_up_m + one.tolerance_up_m + other.tolerance_up_m,
     )  # fmt: skip
@@ -48,17 +48,12 @@ class PackedPlans:
         self._plans, self._settings = plans, settings
         self._rows = np.concatenate([plan.rows for plan in plans]) if plans else np.empty((0, 4))
         self._offsets = np.cumsum([0, *(len(plan.rows) for plan in plans)], dtype=np.int64)
-        sizes = [(plan.radius_m, plan.tolerance_m, plan.tolerance_up_m) for plan in plans]
-        self._limits = np.array(sizes, dtype=np.float64).reshape(-1, 3)
+        sizes = [(*plan.discs_m, plan.tolerance_m, plan.tolerance_up_m) for plan in plans]
+        self._limits = np.array(sizes, dtype=np.float64).reshape(-1, 4)
 
     def first_conflict(self, plan: SharedPlan, since_s: float) -> SharedPlan | None:
         """Return the first plan with which another one conflicts from an instant on [s]."""
-        own = (
-            0.0,
-            self._settings.apart_m + plan.tolerance_m,
-            self._settings.apart_up_m + plan.tolerance_up_m,
-        )
-        found = first_conflict(
-            plan.rows, plan.radius_m, self._rows, self._offsets, self._limits + np.array(own), since_s
-        )
+        apart_m = self._settings.apart_m + plan.tolerance_m
+        limits = self._limits + np.array([0.0, 0.0, apart_m, self._settings.apart_up_m + plan.tolerance_up_m])
+        found = first_conflict(plan.rows, plan.discs_m, self._rows, self._offsets, limits, since_s)
         return None if found < 0 else self._plans[found]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,11 +23,12 @@ def is_newer(number: int, than: int) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedPlan:
-    """A timed path that ends in a circle, which is held for ever.
+    """A timed path that ends in a circle, which is held for ever, and may begin in one.
 
     Between two rows the member flies straight at constant speed. From the time of the last row on it is
     anywhere in the disc of the circle. The last two rows may have the same time: then the member enters the
-    circle at the last row but one, and the last row is the centre.
+    circle at the last row but one, and the last row is the centre. If the path begins in a circle, the first
+    row is its centre, and the member leaves it at the place and the time of the second row.
 
     Parameters
     ----------
@@ -39,12 +40,16 @@ class SharedPlan:
         UTC time [s], east, north, up [m]; times never fall.
     radius_m : float
         Radius of the circle about the last place [m].
+    discs_m : ndarray, shape (2,)
+        Radii of the circles at the beginning and at the end [m].
     tolerance_m, tolerance_up_m : float
         The member promises to stay this close to the plan, horizontally and vertically [m].
     is_emergency : bool
         True if the member has to leave its committed plan.
     room : int
         How many other ways the member has, 0 to 255; who has less goes first.
+    first_radius_m : float
+        Radius of the circle about the first place; 0 if the path does not begin in a circle [m].
     """
 
     member: int
@@ -55,6 +60,8 @@ class SharedPlan:
     tolerance_up_m: float
     is_emergency: bool = False
     room: int = 255
+    first_radius_m: float = 0.0
+    discs_m: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         rows = np.array(self.rows, dtype=np.float64, order="C", ndmin=2)
@@ -62,8 +69,10 @@ class SharedPlan:
             raise ValueError("rows: expected time, east, north and up, all finite")
         if (np.diff(rows[:, 0]) < 0.0).any():
             raise ValueError("rows: expected times that never fall")
-        rows.setflags(write=False)
-        object.__setattr__(self, "rows", rows)
+        discs = np.array([self.first_radius_m if len(rows) > 1 else 0.0, self.radius_m])
+        for name, values in (("rows", rows), ("discs_m", discs)):
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
 
     @property
     def start_s(self) -> float:
@@ -72,8 +81,13 @@ class SharedPlan:
 
     @property
     def end_s(self) -> float:
-        """UTC time from which on the member is in its circle [s]."""
+        """UTC time from which on the member is in its last circle [s]."""
         return float(self.rows[-1, 0])
+
+    @property
+    def leaves_s(self) -> float:
+        """UTC time at which the member leaves its first circle; minus infinity if there is none [s]."""
+        return float(self.rows[1, 0]) if self.discs_m[0] > 0.0 else -math.inf
 
     @property
     def rank(self) -> tuple[bool, int, int]:
@@ -81,8 +95,10 @@ class SharedPlan:
         return not self.is_emergency, self.room, self.member
 
     def place_at(self, time_s: float) -> tuple[float, float, float]:
-        """Return east, north and up [m] at an instant; from the end on the centre of the circle."""
+        """Return east, north and up [m] at an instant; the centre while the member is in a circle."""
         rows = self.rows
+        if time_s < self.leaves_s:
+            return float(rows[0, 1]), float(rows[0, 2]), float(rows[0, 3])
         k = int(np.searchsorted(rows[:, 0], time_s, side="right"))
         if k == 0 or k == len(rows):
             east, north, up = rows[max(k - 1, 0), 1:]
@@ -94,12 +110,18 @@ class SharedPlan:
     def distance_from(self, place_enu_m: tuple[float, float, float], time_s: float) -> tuple[float, float]:
         """Return how far a place is from the plan at an instant, horizontally and vertically [m].
 
-        From the end on the horizontal distance is that from the disc of the circle.
+        While the member is in a circle, the horizontal distance is that from its disc.
         """
         east, north, up = self.place_at(time_s)
-        disc = self.radius_m if time_s >= self.end_s else 0.0
+        disc = self.disc_at(time_s)
         level = math.hypot(place_enu_m[0] - east, place_enu_m[1] - north)
         return max(level - disc, 0.0), abs(place_enu_m[2] - up)
+
+    def disc_at(self, time_s: float) -> float:
+        """Return the radius of the circle in which the member is at an instant; 0 on the way [m]."""
+        if time_s >= self.end_s:
+            return self.radius_m
+        return float(self.discs_m[0]) if time_s < self.leaves_s else 0.0
 
     def is_flown_at(self, place_enu_m: tuple[float, float, float], time_s: float) -> bool:
         """Return whether a place at an instant is within the plan's tolerance."""
@@ -118,7 +140,7 @@ def largest_distance(flown: SharedPlan, told: SharedPlan) -> tuple[float, float]
     flown : SharedPlan
         The plan as its member flies it.
     told : SharedPlan
-        The plan as the others read it; it ends no later.
+        The plan as the others read it. It leaves the first circle no sooner and enters the last no later.
     """
     times = np.concatenate([flown.rows[:, 0], told.rows[:, 0]])
     times = np.concatenate([times - LOOK_S, times, times + LOOK_S])
@@ -126,6 +148,9 @@ def largest_distance(flown: SharedPlan, told: SharedPlan) -> tuple[float, float]
     found = [told.distance_from(flown.place_at(t), t) for t in times.tolist() if t < flown.end_s]
     apart = flown.rows[-1, 1:] - told.rows[-1, 1:]  # of the centres
     found.append((math.hypot(apart[0], apart[1]) + flown.radius_m - told.radius_m, abs(float(apart[2]))))
+    found.append((float(flown.discs_m[0] - told.discs_m[0]), 0.0))
+    if told.leaves_s < flown.leaves_s:  # The time on the way is too short to be rounded so that it does not.
+        found.append((float(flown.discs_m[0] + np.hypot(*(flown.rows[0, 1:3] - told.rows[1, 1:3]))), 0.0))
     return max(0.0, *(level for level, _ in found)), max(up for _, up in found)
 
 
@@ -159,7 +184,7 @@ def entering_circle(rows: FloatArray, radius_m: float) -> FloatArray:
     return np.vstack([rows[: k + 1], [entry], [[entry[0], *centre[1:]]]])
 
 
-def simplified(rows: FloatArray, within_m: float) -> FloatArray:
+def simplified(rows: FloatArray, within_m: float, first: int = 0) -> FloatArray:
     """Return a path with fewer rows that is nowhere farther from the given one than a distance.
 
     Places of the same time are compared. Of all rows between two that are kept, the one that is farthest from
@@ -172,25 +197,25 @@ def simplified(rows: FloatArray, within_m: float) -> FloatArray:
         Time [s], east, north, up [m].
     within_m : float
         Greatest distance [m].
+    first : int
+        Row from which on rows may be left out.
 
     Returns
     -------
     ndarray, shape (M, 4)
         Some of the rows, the first and the last among them.
     """
-    kept, waiting = {0, len(rows) - 1}, [(0, len(rows) - 1)]
+    kept, waiting = {*range(first + 1), len(rows) - 1}, [(first, len(rows) - 1)]
     while waiting:
-        first, last = waiting.pop()
-        if last - first < 2:
+        begin, end = waiting.pop()
+        if end - begin < 2:
             continue
-        length = rows[last, 0] - rows[first, 0]
-        parts = (
-            (rows[first : last + 1, 0] - rows[first, 0]) / length if length else np.zeros(last - first + 1)
-        )
-        straight = rows[first, 1:] + parts[:, None] * (rows[last, 1:] - rows[first, 1:])
-        far = np.linalg.norm(rows[first : last + 1, 1:] - straight, axis=1)[1:-1]
+        leg, after_s = rows[end] - rows[begin], rows[begin : end + 1, 0] - rows[begin, 0]
+        parts = after_s / leg[0] if leg[0] else np.zeros_like(after_s)
+        straight = rows[begin, 1:] + parts[:, None] * leg[1:]
+        far = np.linalg.norm(rows[begin : end + 1, 1:] - straight, axis=1)[1:-1]
         if far.max() > within_m:
-            middle = first + 1 + int(far.argmax())
+            middle = begin + 1 + int(far.argmax())
             kept.add(middle)
-            waiting += [(first, middle), (middle, last)]
+            waiting += [(begin, middle), (middle, end)]
     return rows[sorted(kept)]

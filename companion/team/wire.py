@@ -11,7 +11,7 @@ its latest plan, and whether the latest is proposed. So any payload that arrives
 date.
 
 A plan's first place is in 1e-7 degrees. The others are offsets from it in steps of 0.25 m, coarser if the
-path is longer than 8 km. Times are in steps of 0.1 s. Ten legs take 113 bytes. What rounding moves the plan
+path is longer than 8 km. Times are in steps of 0.1 s. Ten legs take 115 bytes. What rounding moves the plan
 by is measured and added to its tolerance, which is rounded up.
 """
 
@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -41,7 +41,7 @@ COUNTS = struct.Struct(
 )  # approvals, refusals, members whose plan is missing, bytes of awaited members
 ANSWER = struct.Struct("<BH")  # member, plan number
 FRAGMENT = struct.Struct("<HB")  # plan number, place among the fragments and their number
-PLAN_HEAD = struct.Struct("<BBIiiBHHHBH")
+PLAN_HEAD = struct.Struct("<BBIiiBHHHHBH")
 ROW = struct.Struct("<HhhH")  # time, east, north, altitude
 
 FRAGMENT_BYTES = PAYLOAD_BYTES - HEADER.size - FRAGMENT.size
@@ -102,6 +102,8 @@ class Report:
         Members whose committed plan it does not have.
     awaited : frozenset of int
         Members whose approval of its proposal it does not have.
+    concerned : frozenset of int
+        Members to whom the report says something beside the standing.
     """
 
     standing: Standing
@@ -110,14 +112,11 @@ class Report:
     missing: tuple[int, ...] = ()
     awaited: frozenset[int] = frozenset()
 
-    def concerns(self, member: int) -> bool:
-        """Return whether the report says something to a member, beside the sender's standing."""
-        return (
-            member in self.awaited
-            or member in self.missing
-            or any(member == other for other, _ in self.approved)
-            or any(member == other for other, _ in self.refused)
-        )
+    concerned: frozenset[int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        answered = (other for other, _ in (*self.approved, *self.refused))
+        object.__setattr__(self, "concerned", self.awaited.union(self.missing, answered))
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +201,7 @@ def told_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.0) -> S
     ValueError
         If the plan is too long, or lies beyond what the format holds.
     """
-    short = replace(plan, rows=simplified(plan.rows, simplify_m))
+    short = replace(plan, rows=simplified(plan.rows, simplify_m, 1 if plan.discs_m[0] > 0.0 else 0))
     rounded = read_plan(_plan_body(short, frame), plan.member, plan.number, frame, plan.start_s)
     level, up = largest_distance(plan, rounded)
     widened = replace(
@@ -234,12 +233,7 @@ def read_payload(payload: bytes, members: tuple[int, ...]) -> Report | Fragment:
     kind, flags, committed, latest = HEADER.unpack_from(payload)
     if kind >> 4 != VERSION:
         raise PayloadError("version")
-    standing = Standing(
-        committed if flags & HAS_COMMITTED else None,
-        latest if flags & HAS_LATEST else None,
-        bool(flags & IS_PENDING),
-    )
-    _check(standing)
+    standing = _read_standing(flags, committed, latest)
     body = payload[HEADER.size :]
     if kind & 0xF == REPORT:
         return _read_report(standing, body, members)
@@ -275,7 +269,9 @@ def _read_plan(body: bytes, member: int, number: int, frame: LocalFrame, near_s:
     """Return a plan; its time is the one that is nearest to another, which changes every million seconds."""
     if len(body) < PLAN_HEAD.size or (len(body) - PLAN_HEAD.size) % ROW.size:
         raise PayloadError("plan_length")
-    flags, room, tick, *place, scales, tolerance, up, radius, num, altitude = PLAN_HEAD.unpack_from(body)
+    flags, room, tick, *place, scales, tolerance, up, radius, first_radius, num, altitude = (
+        PLAN_HEAD.unpack_from(body)
+    )
     if num < 1 or len(body) != PLAN_HEAD.size + (num - 1) * ROW.size or abs(place[0]) > 900_000_000:
         raise PayloadError("plan_rows")
     table = np.zeros((num, 4))
@@ -301,7 +297,7 @@ def _read_plan(body: bytes, member: int, number: int, frame: LocalFrame, near_s:
         raise PayloadError("plan_places")
     return SharedPlan(
         member, number, rows, radius * TENTH_M, tolerance * TENTH_M, up * TENTH_M,
-        is_emergency=bool(flags & IS_EMERGENCY), room=room,
+        is_emergency=bool(flags & IS_EMERGENCY), room=room, first_radius_m=first_radius * TENTH_M,
     )  # fmt: skip
 
 
@@ -314,17 +310,21 @@ def _header(kind: int, standing: Standing) -> bytes:
     return HEADER.pack(VERSION << 4 | kind, flags, standing.committed or 0, standing.latest or 0)
 
 
-def _check(standing: Standing) -> None:
-    """Refuse numbers that no member can have."""
-    committed, latest = standing.committed, standing.latest
-    if latest is None:
-        is_possible = committed is None and not standing.is_pending
-    elif committed is None:
+@lru_cache(maxsize=CACHED)
+def _read_standing(flags: int, committed: int, latest: int) -> Standing:
+    """Return what a header says of its sender; numbers that no member can have are refused."""
+    is_pending = bool(flags & IS_PENDING)
+    if not flags & HAS_LATEST:
+        is_possible = not flags & HAS_COMMITTED and not is_pending
+    elif not flags & HAS_COMMITTED:
         is_possible = True
     else:
-        is_possible = is_newer(latest, committed) or (latest == committed and not standing.is_pending)
+        is_possible = is_newer(latest, committed) or (latest == committed and not is_pending)
     if not is_possible:
         raise PayloadError("standing")
+    return Standing(
+        committed if flags & HAS_COMMITTED else None, latest if flags & HAS_LATEST else None, is_pending
+    )
 
 
 def _read_report(standing: Standing, body: bytes, members: tuple[int, ...]) -> Report:
@@ -357,7 +357,7 @@ def _read_fragment(standing: Standing, body: bytes) -> Fragment:
 
 
 def _plan_body(plan: SharedPlan, frame: LocalFrame) -> bytes:
-    """Return the data of a plan; its times are rounded so that the circle begins no later."""
+    """Return the data of a plan; circles begin no later and end no sooner."""
     rows = plan.rows
     latitude, longitude = frame.places_from_local(rows[:, 1], rows[:, 2])
     latitude_e7, longitude_e7 = round(float(latitude[0]) * 1e7), round(float(longitude[0]) * 1e7)
@@ -368,10 +368,9 @@ def _plan_body(plan: SharedPlan, frame: LocalFrame) -> bytes:
     start = math.floor(plan.start_s / TICK_S + 1e-3)
     slow = _doublings(plan.end_s / TICK_S - start, 65_535.0)
     altitudes = np.round((rows[:, 3] + frame.altitude_amsl_m - ALTITUDE_MIN_M) / ALTITUDE_STEP_M)
-    ticks = _ticks((rows[:, 0] / TICK_S - start) / 2.0**slow)
-    sizes = [
-        math.ceil(size / TENTH_M - 1e-6) for size in (plan.tolerance_m, plan.tolerance_up_m, plan.radius_m)
-    ]
+    ticks = _ticks((rows[:, 0] / TICK_S - start) / 2.0**slow, begins_in_circle=bool(plan.discs_m[0] > 0.0))
+    lengths = (plan.tolerance_m, plan.tolerance_up_m, plan.radius_m, float(plan.discs_m[0]))
+    sizes = [math.ceil(length / TENTH_M - 1e-6) for length in lengths]
     if altitudes.min() < 0.0 or altitudes.max() > 65_535.0 or max(sizes) > 65_535 or max(coarse, slow) > 15:
         raise ValueError("plan: expected heights, lengths and times that the format holds")
     if PLAN_HEAD.size + (len(rows) - 1) * ROW.size > FRAGMENTS_MAX * FRAGMENT_BYTES or len(rows) > 255:
@@ -385,9 +384,12 @@ def _plan_body(plan: SharedPlan, frame: LocalFrame) -> bytes:
     return head + b"".join(ROW.pack(*row) for row in table.astype(int).tolist())
 
 
-def _ticks(ticks: FloatArray) -> FloatArray:
-    """Round times ``ticks`` (N,) so that they never fall and the last ones come no later, (N,)."""
+def _ticks(ticks: FloatArray, *, begins_in_circle: bool) -> FloatArray:
+    """Round times ``ticks`` (N,) so that they never fall, and circles last no shorter, (N,)."""
     rounded = np.round(ticks)
+    if begins_in_circle:
+        rounded[1] = math.ceil(ticks[1] - 1e-3)
+        rounded[2:] = np.maximum(rounded[2:], rounded[1])
     last = math.floor(ticks[-1] + 1e-3)
     return np.asarray(np.minimum(rounded, last))
 

@@ -82,6 +82,11 @@ class Autopilot(ABC):
         The autopilot's parameters.
     home : Home
         Home position.
+
+    Attributes
+    ----------
+    system_id : int
+        The autopilot's system id; it is set before the first channel is added.
     """
 
     # Ids of messages that a client gets at 1 Hz without a request.
@@ -101,6 +106,7 @@ class Autopilot(ABC):
         if flight.ground is not None:
             self.telemetry.builders[mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR] = self.telemetry.height_sensor
             self.default_streams = (*self.default_streams, mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
+        self.system_id = SYSTEM_ID
         self.channels: list[Channel] = []
         self.now_us = 0
         self.is_armed = True
@@ -194,7 +200,7 @@ class Autopilot(ABC):
 
     def add_channel(self) -> Channel:
         """Open a link for one more client."""
-        channel = Channel(SYSTEM_ID, COMPONENT_ID)
+        channel = Channel(self.system_id, COMPONENT_ID)
         self._reset_streams(channel)
         self.channels.append(channel)
         return channel
@@ -220,9 +226,9 @@ class Autopilot(ABC):
         """Act on what a client sent."""
         for message in channel.parse(data):
             target = getattr(message, "target_system", 0)
-            if target != SYSTEM_ID:
+            if target != self.system_id:
                 self._route(channel, message, target)
-            if target in (0, SYSTEM_ID):
+            if target in (0, self.system_id):
                 handler = self._handlers.get(message.get_type())
                 if handler is not None:
                     handler(channel, message)

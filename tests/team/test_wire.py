@@ -33,7 +33,7 @@ def test_a_plan_of_ten_legs_fits_one_payload_with_its_circle():
     told = told_plan(plan(*zigzag(10)), FRAME)
     assert len(told.rows) == 11
     (payload,) = plan_payloads(STANDING, told, FRAME)
-    assert len(payload) == 113 <= PAYLOAD_BYTES
+    assert len(payload) == 115 <= PAYLOAD_BYTES
 
 
 @pytest.mark.parametrize("frame", [FRAME, LocalFrame(47.41, 8.48, 300.0)])
@@ -63,10 +63,13 @@ def plans(draw):
     ]
     rows = np.array(steps)
     sizes = [draw(st.floats(0.0, 200.0)) for _ in range(3)]
+    first_radius_m = draw(st.sampled_from((0.0, 80.0))) if num > 2 else 0.0
+    if first_radius_m:
+        rows[1, 1:] = rows[0, 1:] + [0.0, first_radius_m, 0.0]
     if num > 1 and draw(st.booleans()):  # It enters its circle on the way to the centre.
         rows[-1] = [0.0, rows[-2, 1] + sizes[0], *rows[-2, 2:]]
     rows[:, 0] = BEGIN_S + np.cumsum(rows[:, 0])
-    return SharedPlan(7, 9, rows, *sizes)
+    return SharedPlan(7, 9, rows, *sizes, first_radius_m=first_radius_m)
 
 
 @settings(max_examples=200)
@@ -77,7 +80,7 @@ def test_who_keeps_the_tolerance_of_the_plan_keeps_that_of_the_plan_that_is_told
     told = told_plan(flown, FRAME, simplify_m)
     instant = flown.start_s + part * 1.2 * (flown.end_s - flown.start_s)
     east, north, up = flown.place_at(instant)
-    off = flown.tolerance_m + (flown.radius_m if instant >= flown.end_s else 0.0)
+    off = flown.tolerance_m + flown.disc_at(instant)
     place = (east + off * np.sin(angle), north + off * np.cos(angle), up + flown.tolerance_up_m)
     assert told.is_flown_at(place, instant)
     assert (
@@ -127,7 +130,7 @@ def test_any_bytes_are_read_or_refused(payload):
 
 
 @settings(max_examples=300)
-@given(st.integers(0, 112), st.integers(0, 255))
+@given(st.integers(0, 114), st.integers(0, 255))
 def test_a_damaged_plan_is_read_or_refused(place, value):
     (payload,) = plan_payloads(STANDING, told_plan(plan(*zigzag(10)), FRAME), FRAME)
     damaged = payload[:place] + bytes([value]) + payload[place + 1 :]

@@ -1,8 +1,9 @@
 """The least margin between two timed paths that end in circles.
 
 A path is rows of time, east, north and up. Between rows the aircraft moves in a straight line at constant
-speed. Before the first row it is at the first place, and from the last row on it is anywhere in a disc about
-the last place. Two aircraft keep clear if their horizontal or their vertical distance suffices, so the margin
+speed. From the last row on it is anywhere in a disc about the last place. If its first disc has a radius, it
+is anywhere in that disc, about the first place, until the second row. Before the first row it is at the first
+place. Two aircraft keep clear if their horizontal or their vertical distance suffices, so the margin
 at an instant is the larger of both excesses. While both move in a straight line each excess is a convex
 function of time, and so is the larger one. Its minimum is at an end of the interval, at the minimum of one
 excess, or where both are equal. All these instants have closed forms, so the minimum is exact.
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from companion.kernels.arrays import Float2D, Int1D
+from companion.kernels.arrays import Float1D, Float2D, Int1D
 from companion.kernels.native.kernel import inlined, kernel
 
 
@@ -41,21 +42,23 @@ def row_before(rows: Float2D, first: int, last: int, t: float) -> int:
 
 @kernel
 def place_at(
-    rows: Float2D, first: int, last: int, k: int, t: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return place and velocity on the leg that begins at row ``k``, at rest beyond both ends [m, m/s].
+    rows: Float2D, first: int, last: int, discs: Float1D, k: int, t: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return place, velocity and radius of the disc on the leg that begins at row ``k`` [m, m/s, m].
 
-    The path is rows ``first`` to ``last - 1`` of ``rows`` (N, 4): time [s], east, north, up [m].
+    The path is rows ``first`` to ``last - 1`` of ``rows`` (N, 4): time [s], east, north, up [m]. ``discs``
+    (≥ 2,) begins with the radii of the first and of the last disc [m].
     """
-    if k < first or k >= last - 1:
-        end = min(max(k, first), last - 1)
-        return rows[end, 1], rows[end, 2], rows[end, 3], 0.0, 0.0, 0.0
+    if k >= last - 1:
+        return rows[last - 1, 1], rows[last - 1, 2], rows[last - 1, 3], 0.0, 0.0, 0.0, discs[1]
+    if k < first or (k == first and discs[0] > 0.0):
+        return rows[first, 1], rows[first, 2], rows[first, 3], 0.0, 0.0, 0.0, discs[0]
     length = rows[k + 1, 0] - rows[k, 0]
     after = t - rows[k, 0]
     vx = quotient(rows[k + 1, 1] - rows[k, 1], length)
     vy = quotient(rows[k + 1, 2] - rows[k, 2], length)
     vz = quotient(rows[k + 1, 3] - rows[k, 3], length)
-    return rows[k, 1] + after * vx, rows[k, 2] + after * vy, rows[k, 3] + after * vz, vx, vy, vz
+    return rows[k, 1] + after * vx, rows[k, 2] + after * vy, rows[k, 3] + after * vz, vx, vy, vz, 0.0
 
 
 @kernel
@@ -93,28 +96,29 @@ def moving_margin(
 
 @kernel
 def margin_of_paths(
-    rows: Float2D, radius: float, others: Float2D, first: int, last: int, other_radius: float,
+    rows: Float2D, discs: Float1D, others: Float2D, first: int, last: int, other_discs: Float1D,
     since: float, apart: float, up: float,
 ) -> float:  # fmt: skip
     """Return the least margin of two paths from an instant on, for ever [m]; negative if they conflict.
 
     One path is all of ``rows`` (N, 4), the other is rows ``first`` to ``last - 1`` of ``others`` (M, 4): time
-    [s], east, north, up [m]. The discs at their ends have ``radius`` and ``other_radius`` [m]. ``apart`` and
-    ``up`` are the horizontal and vertical distances, one of which has to be kept [m].
+    [s], east, north, up [m]. Their ``discs`` (≥ 2,) and ``other_discs`` (≥ 2,) begin with the radii of the
+    first and of the last disc [m]. ``apart`` and ``up`` are the horizontal and vertical distances, one of
+    which has to be kept [m].
     """
     num = rows.shape[0]
     i, j = row_before(rows, 0, num, since), row_before(others, first, last, since)
     t, least = since, math.inf
     while True:
         ended, other_ended = i >= num - 1, j >= last - 1
-        px, py, pz, vx, vy, vz = place_at(rows, 0, num, i, t)
-        qx, qy, qz, ux, uy, uz = place_at(others, first, last, j, t)
+        px, py, pz, vx, vy, vz, disc = place_at(rows, 0, num, discs, i, t)
+        qx, qy, qz, ux, uy, uz, other_disc = place_at(others, first, last, other_discs, j, t)
         until = t
         if not ended:
             until = rows[i + 1, 0]
         if not other_ended:
             until = others[j + 1, 0] if ended else min(until, others[j + 1, 0])
-        wide = apart + (radius if ended else 0.0) + (other_radius if other_ended else 0.0)
+        wide = apart + disc + other_disc
         margin = moving_margin(qx - px, qy - py, qz - pz, ux - vx, uy - vy, uz - vz, until - t, wide, up)
         least = min(least, margin)
         if ended and other_ended:
@@ -128,29 +132,36 @@ def margin_of_paths(
 
 @kernel
 def least_margin(
-    rows: Float2D, radius: float, others: Float2D, other_radius: float, since: float, apart: float, up: float
+    rows: Float2D,
+    discs: Float1D,
+    others: Float2D,
+    other_discs: Float1D,
+    since: float,
+    apart: float,
+    up: float,
 ) -> float:
     """Return :func:`margin_of_paths` of two whole paths [m].
 
-    ``rows`` (N, 4) and ``others`` (M, 4) have time [s], east, north, up [m].
+    ``rows`` (N, 4) and ``others`` (M, 4) have time [s], east, north, up [m]; ``discs`` (≥ 2,) and
+    ``other_discs`` (≥ 2,) begin with the radii of the first and of the last disc [m].
     """
-    return margin_of_paths(rows, radius, others, 0, others.shape[0], other_radius, since, apart, up)
+    return margin_of_paths(rows, discs, others, 0, others.shape[0], other_discs, since, apart, up)
 
 
 @kernel
 def first_conflict(
-    rows: Float2D, radius: float, others: Float2D, offsets: Int1D, limits: Float2D, since: float
+    rows: Float2D, discs: Float1D, others: Float2D, offsets: Int1D, limits: Float2D, since: float
 ) -> int:
     """Return the first of many paths that conflicts with one path from an instant on; -1 if none does.
 
-    The path is ``rows`` (N, 4) with a disc of ``radius`` at its end [m]. Path p of the others is rows
-    ``offsets[p]`` to ``offsets[p + 1] - 1`` of ``others`` (M, 4), ``offsets`` (P + 1,). ``limits`` (P, 3) has
-    the radius of the disc at its end, and the horizontal and vertical distances, one of which has to be kept
-    [m].
+    The path is ``rows`` (N, 4) with time [s], east, north, up [m]; ``discs`` (≥ 2,) begins with the radii of
+    its first and its last disc [m]. Path p of the others is rows ``offsets[p]`` to ``offsets[p + 1] - 1`` of
+    ``others`` (M, 4), ``offsets`` (P + 1,). ``limits`` (P, 4) has the radii of its discs, and the horizontal
+    and vertical distances, one of which has to be kept [m].
     """
     for p in range(limits.shape[0]):
         margin = margin_of_paths(
-            rows, radius, others, offsets[p], offsets[p + 1], limits[p, 0], since, limits[p, 1], limits[p, 2]
+            rows, discs, others, offsets[p], offsets[p + 1], limits[p], since, limits[p, 2], limits[p, 3]
         )
         if margin < 0.0:
             return p

@@ -37,7 +37,8 @@ def speeds_of(rows):
 
 
 def margin(one, radius, other, other_radius, since=0.0):
-    return least_margin(one, radius, other, other_radius, since, APART_M, UP_M)
+    discs, other_discs = (np.array([0.0, each]) for each in (radius, other_radius))
+    return least_margin(one, discs, other, other_discs, since, APART_M, UP_M)
 
 
 COORDINATE = st.integers(-60, 60).map(lambda tens: 10.0 * tens)
@@ -120,9 +121,20 @@ def test_moving_both_in_space_and_time_changes_nothing(one, radius, other, other
 @given(paths(), RADIUS, st.lists(paths(), min_size=1, max_size=6))
 def test_the_first_of_many_that_conflicts_is_found(one, radius, others):
     offsets = np.cumsum([0, *map(len, others)]).astype(np.int64)
-    limits = np.array([(20.0 * n, APART_M + n, UP_M) for n in range(len(others))])
-    margins = [
-        least_margin(one, radius, p, *row[:1], 0.0, *row[1:]) for p, row in zip(others, limits, strict=True)
-    ]
+    limits = np.array([(0.0, 20.0 * n, APART_M + n, UP_M) for n in range(len(others))])
+    discs = np.array([0.0, radius])
+    pairs = zip(others, limits, strict=True)
+    margins = [least_margin(one, discs, other, row, 0.0, *row[2:]) for other, row in pairs]
     expected = next((n for n, found in enumerate(margins) if found < 0.0), -1)
-    assert first_conflict(one, radius, np.concatenate(others), offsets, limits, 0.0) == expected
+    assert first_conflict(one, discs, np.concatenate(others), offsets, limits, 0.0) == expected
+
+
+def test_who_begins_in_a_circle_is_in_its_disc_until_the_second_row():
+    waiting = path((0, 0, 0, 0), (60, 0, 80, 0), (160, 0, 1080, 0))
+    discs, none = np.array([80.0, 0.0]), np.zeros(2)
+    passing = path((0, 200, -1000, 0), (100, 200, 1000, 0))  # abreast of the circle at 50 s
+    assert least_margin(waiting, discs, passing, none, 0.0, APART_M, UP_M) == pytest.approx(20.0)
+    assert least_margin(waiting, none, passing, none, 0.0, APART_M, UP_M) == pytest.approx(100.0, abs=5.0)
+    assert least_margin(passing, none, waiting, discs, 0.0, APART_M, UP_M) == pytest.approx(20.0)
+    late = path((100, -1000, 0, 0), (200, 1000, 0, 0))  # at the centre when nobody is there any more
+    assert least_margin(waiting, discs, late, none, 0.0, APART_M, UP_M) > 0.0

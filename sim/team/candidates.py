@@ -1,0 +1,167 @@
+"""A simple planner for one of many: straight to the goal, or around, higher, lower, or later."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.team.separation import PackedPlans
+from companion.team.shared_plan import SharedPlan, entering_circle
+from sim.team.scenes import Scene
+
+OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the way, as shares of its length.
+TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.
+ROUNDING_M = 1.0  # The plan that is told has tolerances larger by less than this.
+LEVEL_COST_S = 5.0  # A level more is as good as so much time on the way.
+
+
+@dataclass(frozen=True, slots=True)
+class Circling:
+    """An aircraft in its circle, which it flies counter-clockwise.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,)
+        East, north, up [m].
+    angle_rad : float
+        Direction from the centre at time zero, counter-clockwise from east [rad].
+    rate_rad_s : float
+        How fast that grows [rad/s].
+    """
+
+    centre: FloatArray
+    angle_rad: float
+    rate_rad_s: float
+
+    def passes(self, angle_rad: float, after_s: float) -> float:
+        """Return the first time after another at which the aircraft is in a direction from the centre [s]."""
+        ahead = (angle_rad - self.angle_rad - self.rate_rad_s * after_s) % (2.0 * math.pi)
+        return after_s + ahead / self.rate_rad_s
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A way to the goal, whenever it is flown.
+
+    Parameters
+    ----------
+    angle_rad : float
+        Direction from the centre in which the circle is left [rad].
+    rows : ndarray, shape (M, 4)
+        Time after leaving [s], east, north, up [m]: where the circle is left, places on the way, the centre.
+    cost_s : float
+        What the way costs, as time [s].
+    """
+
+    angle_rad: float
+    rows: FloatArray
+    cost_s: float
+
+
+def ways_to(scene: Scene, circling: Circling, goal: FloatArray) -> list[Way]:
+    """Return ways to a goal: straight and around, on all levels.
+
+    Parameters
+    ----------
+    scene : Scene
+        The team.
+    circling : Circling
+        Where the aircraft is.
+    goal : ndarray, shape (3,)
+        Centre of the circle in which the way ends [m].
+    """
+    centre, found = circling.centre, []
+    across = np.array([centre[1] - goal[1], goal[0] - centre[0]])  # to the left, as long as the way
+    for offset in OFFSETS:
+        middle = 0.5 * (centre[:2] + goal[:2]) + offset * across
+        towards = middle - centre[:2]
+        angle = math.atan2(towards[1], towards[0]) - math.acos(scene.radius_m / math.hypot(*towards))
+        exit_m = centre[:2] + scene.radius_m * np.array([math.cos(angle), math.sin(angle)])
+        places = np.vstack([exit_m, middle, goal[:2]]) if offset else np.vstack([exit_m, goal[:2]])
+        for level in scene.levels_m:
+            profile = _with_heights(places, (centre[2], level, goal[2]), scene.climb)
+            if profile is not None:
+                steps = np.hypot(*np.diff(profile[:, :2], axis=0).T) / scene.speed_m_s
+                after = np.concatenate([[0.0], np.cumsum(steps)])
+                rows = entering_circle(np.column_stack([after, profile]), scene.radius_m)
+                found.append(Way(angle, rows, rows[-1, 0] + LEVEL_COST_S * abs(level - goal[2]) / 50.0))
+    return found
+
+
+def candidates(circling: Circling, ways: list[Way], leaves_after_s: float) -> Iterator[FloatArray]:
+    """Go through ways and the times at which they can be flown, the one that costs least first.
+
+    Parameters
+    ----------
+    circling : Circling
+        Where the aircraft is.
+    ways : list of Way
+        The ways.
+    leaves_after_s : float
+        The aircraft stays in its circle until then [s].
+
+    Yields
+    ------
+    ndarray, shape (M, 4)
+        Time [s], east, north, up [m] of a way.
+    """
+    turn_s = 2.0 * math.pi / circling.rate_rad_s
+    found = [
+        (circling.passes(way.angle_rad, leaves_after_s) + turns * turn_s, way)
+        for way in ways
+        for turns in TURNS
+    ]
+    for leaves_s, way in sorted(found, key=lambda each: each[0] + each[1].cost_s):
+        yield way.rows + np.array([leaves_s, 0.0, 0.0, 0.0])
+
+
+def _with_heights(places: FloatArray, ups: tuple[float, float, float], climb: float) -> FloatArray | None:
+    """Return ``places`` (M, 2) with heights, (K, 3): a climb, level flight, a descent; None if too short."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    begin, end = abs(ups[1] - ups[0]) / climb, along[-1] - abs(ups[2] - ups[1]) / climb
+    if begin > end:
+        return None
+    at = np.unique(np.concatenate([along, [begin, end]]))
+    at = at[np.concatenate([[True], np.diff(at) > 1.0])]
+    at[-1] = along[-1]
+    bends = [0.0, begin, max(end, begin + 1e-6), along[-1] + 1e-5]
+    east, north = np.interp(at, along, places[:, 0]), np.interp(at, along, places[:, 1])
+    return np.column_stack([east, north, np.interp(at, bends, [ups[0], ups[1], ups[1], ups[2]])])
+
+
+def first_clear(
+    scene: Scene,
+    circling: Circling,
+    ways: Iterable[FloatArray],
+    against: tuple[SharedPlan, ...],
+    now_s: float,
+) -> SharedPlan | None:
+    """Return the first way that keeps clear of others, as a plan that begins now; None if none does.
+
+    Parameters
+    ----------
+    scene : Scene
+        The team.
+    circling : Circling
+        Where the aircraft is.
+    ways : iterable of ndarray, each of shape (M, 4)
+        UTC time [s], east, north, up [m] of each way.
+    against : tuple of SharedPlan
+        The plans of others.
+    now_s : float
+        UTC time [s].
+    """
+    packed = PackedPlans(against, scene.settings)
+    for way in ways:
+        rows = np.vstack([[now_s, *circling.centre], way])
+        plan = SharedPlan(
+            0, 0, rows, scene.radius_m, scene.tolerance_m + ROUNDING_M, scene.tolerance_up_m + ROUNDING_M,
+            first_radius_m=scene.radius_m,
+        )  # fmt: skip
+        if packed.first_conflict(plan, now_s) is None:
+            return plan
+    return None

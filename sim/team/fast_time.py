@@ -1,0 +1,241 @@
+"""Flies a team: everybody agrees on its circle, then on a way to its goal."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.frames import FloatArray
+from companion.team.agreement import Agreement, Outcome
+from companion.team.shared_plan import SharedPlan
+from sim.team.candidates import Circling, Way, candidates, first_clear, ways_to
+from sim.team.scenes import FRAME, Scene, starts_and_goals
+from sim.team.team_radio import TeamRadio
+from sim.team.true_distances import STEP_S, Flown, pairs_lost, true_places
+
+BEGIN_S = 1.9e9  # UTC time of the beginning [s].
+SENDS_EACH = 2  # An aircraft looks every second step whether it has to send.
+LEAD_S = 45.0  # Time between a proposal and the moment at which it leaves the committed plan.
+PLACES_EACH = 20  # Steps between two looks at who is in range.
+
+
+@dataclass(frozen=True, slots=True)
+class RunRow:
+    """What one flight of a team tells.
+
+    Parameters
+    ----------
+    seed, aircraft : int
+        Seed of the flight and number of aircraft.
+    shared : bool
+        False if everybody flew straight without telling anybody.
+    pairs_lost : int
+        Pairs that lost their separation.
+    blocked : int
+        Aircraft that had no agreed way to their goal at the end.
+    flight_s : float
+        Duration of the flight [s].
+    bytes_s, bytes_s_max : float
+        Bytes a second of an aircraft, frames included: the mean, and that of who sent most [B/s].
+    agreed_s : float
+        Median time from an aircraft's last proposal to its commitment [s].
+    late_s : float
+        Mean time by which an arrival was later than that of a straight flight at once [s].
+    proposals, refused, withdrawn : int
+        Proposals of ways, and those that were refused, also at once by the proposer, or withdrawn.
+    counted_lost : int
+        Pairs of which one counted the other lost at the end.
+    wall_s : float
+        Time that the computation took [s].
+    """
+
+    seed: int
+    aircraft: int
+    shared: bool
+    pairs_lost: int
+    flight_s: float
+    wall_s: float
+    blocked: int = 0
+    bytes_s: float = 0.0
+    bytes_s_max: float = 0.0
+    agreed_s: float = 0.0
+    late_s: float = 0.0
+    proposals: int = 0
+    refused: int = 0
+    withdrawn: int = 0
+    counted_lost: int = 0
+
+
+class TeamMember:
+    """One aircraft with its own planner and its own part in the agreement."""
+
+    def __init__(
+        self, scene: Scene, index: int, circling: Circling, goal: FloatArray, rng: np.random.Generator
+    ) -> None:
+        self.agreement = Agreement(
+            index + 1, range(1, scene.num_aircraft + 1), FRAME, scene.settings, started_s=BEGIN_S
+        )
+        self.circling, self.ways = circling, ways_to(scene, circling, goal)
+        self.way: FloatArray | None = None
+        self.proposals = self.refused = self.withdrawn = 0
+        self.agreed_s = np.nan
+        self._scene, self._rng = scene, rng
+        self._next_s = float(rng.uniform(0.0, 3.0))
+        self._proposed: tuple[float, SharedPlan] | None = None
+        self._is_circle_agreed = False
+
+    @property
+    def arrives_s(self) -> float:
+        """When it is in its last circle; infinity as long as no way is agreed [s]."""
+        return np.inf if self.way is None else float(self.way[-1, 0])
+
+    def think(self, now_s: float) -> None:
+        """Note what became of a proposal, and make another if one is wanted."""
+        outcome = self.agreement.outcome()
+        if self.way is not None or outcome is Outcome.PENDING:
+            return
+        if self._proposed is not None:
+            self._note(outcome, now_s)
+        elif now_s >= self._next_s:
+            self._propose(now_s)
+
+    def _note(self, outcome: Outcome, now_s: float) -> None:
+        assert self._proposed is not None
+        proposed_s, plan = self._proposed
+        self._proposed = None
+        self._next_s = now_s + float(self._rng.uniform(1.0, 6.0))
+        if outcome is not Outcome.COMMITTED:
+            self.refused += outcome is Outcome.REFUSED
+            self.withdrawn += outcome is Outcome.WITHDRAWN
+        elif not self._is_circle_agreed:
+            self._is_circle_agreed = True
+        else:
+            self.way = plan.rows[1:] - np.array([BEGIN_S, 0.0, 0.0, 0.0])
+            self.agreed_s = now_s - proposed_s
+
+    def _propose(self, now_s: float) -> None:
+        against, scene = self.agreement.plans_to_clear(), self._scene
+        utc_s = BEGIN_S + now_s
+        if not self._is_circle_agreed:
+            rows = np.array([[utc_s, *self.circling.centre]])
+            plan = SharedPlan(0, 0, rows, scene.radius_m, scene.tolerance_m, scene.tolerance_up_m)
+            leaves_s = np.inf
+        else:
+            self._next_s = now_s + 5.0
+            known = {other.member for other in against} | self.agreement.members_lost(utc_s)
+            if len(known) < scene.num_aircraft - 1:
+                return  # Somebody is in a circle that is not known.
+            ways = candidates(self.circling, self.ways, now_s + LEAD_S)
+            utc_ways = (way + np.array([BEGIN_S, 0.0, 0.0, 0.0]) for way in ways)
+            found = first_clear(scene, self.circling, utc_ways, against, utc_s)
+            if found is None:
+                self.refused += 1
+                return
+            plan = SharedPlan(
+                0, 0, found.rows, scene.radius_m, scene.tolerance_m, scene.tolerance_up_m,
+                room=max(0, 255 - 30 * (self.refused + self.withdrawn)), first_radius_m=scene.radius_m,
+            )  # fmt: skip
+            leaves_s = float(found.rows[1, 0])
+            self.proposals += 1
+        self.agreement.propose(plan, utc_s, leaves_s)
+        self._proposed = (now_s, plan)
+
+    def place_at(self, now_s: float) -> tuple[float, float]:
+        """Return east and north of the plan at an instant [m]."""
+        committed = self.agreement.committed
+        if committed is None:
+            return float(self.circling.centre[0]), float(self.circling.centre[1])
+        return committed.place_at(BEGIN_S + now_s)[:2]
+
+
+def fly(seed: int, scene: Scene) -> RunRow:
+    """Fly a team that shares its plans.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of everything that is drawn.
+    scene : Scene
+        The team.
+    """
+    began_s = time.perf_counter()
+    rng = np.random.default_rng(seed)
+    circlings, goals = _drawn(scene, rng)
+    members = [
+        TeamMember(scene, n, circling, goal, np.random.default_rng((seed, n)))
+        for n, (circling, goal) in enumerate(zip(circlings, goals, strict=True))
+    ]
+    radio = TeamRadio(scene, STEP_S, rng)
+    step, now_s = 0, 0.0
+    places_m = np.array([member.place_at(0.0) for member in members])
+    while now_s < scene.end_s and now_s < max(member.arrives_s for member in members) + 10.0:
+        step, now_s = step + 1, now_s + STEP_S
+        for receiver, sender, payload in radio.arrived(step):
+            members[receiver].agreement.receive(sender + 1, payload, BEGIN_S + now_s)
+        if step % PLACES_EACH == 0:
+            places_m = np.array([member.place_at(now_s) for member in members])
+        for n in range(step % SENDS_EACH, scene.num_aircraft, SENDS_EACH):
+            members[n].think(now_s)
+            for payload in members[n].agreement.outgoing(BEGIN_S + now_s):
+                radio.send(n, payload, step, places_m)
+    flown = [Flown(member.circling, member.way) for member in members]
+    straight_s = np.array([_straight(m.circling, m.ways)[-1, 0] for m in members if m.way is not None])
+    arrived_s = np.array([member.arrives_s for member in members if member.way is not None])
+    return RunRow(
+        seed, scene.num_aircraft, True, len(_pairs_lost(scene, flown, now_s, rng)),
+        blocked=sum(member.way is None for member in members),
+        flight_s=now_s,
+        bytes_s=round(float(radio.sent_bytes.mean()) / now_s, 2),
+        bytes_s_max=round(float(radio.sent_bytes.max()) / now_s, 2),
+        agreed_s=round(float(np.nanmedian([member.agreed_s for member in members])), 2),
+        late_s=round(float((arrived_s - straight_s).mean()), 2),
+        proposals=sum(member.proposals for member in members),
+        refused=sum(member.refused for member in members),
+        withdrawn=sum(member.withdrawn for member in members),
+        counted_lost=sum(len(member.agreement.members_lost(BEGIN_S + now_s)) for member in members),
+        wall_s=round(time.perf_counter() - began_s, 2),
+    )  # fmt: skip
+
+
+def fly_straight(seed: int, scene: Scene) -> RunRow:
+    """Fly the same team without sharing: everybody leaves at once and flies straight to its goal.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of everything that is drawn.
+    scene : Scene
+        The team.
+    """
+    began_s = time.perf_counter()
+    rng = np.random.default_rng(seed)
+    circlings, goals = _drawn(scene, rng)
+    pairs = zip(circlings, goals, strict=True)
+    ways = [_straight(circling, ways_to(scene, circling, goal)) for circling, goal in pairs]
+    flown = [Flown(circling, way) for circling, way in zip(circlings, ways, strict=True)]
+    end_s = max(way[-1, 0] for way in ways) + 10.0
+    lost = _pairs_lost(scene, flown, end_s, rng)
+    wall_s = round(time.perf_counter() - began_s, 2)
+    return RunRow(seed, scene.num_aircraft, False, len(lost), flight_s=float(end_s), wall_s=wall_s)
+
+
+def _drawn(scene: Scene, rng: np.random.Generator) -> tuple[list[Circling], FloatArray]:
+    """Draw circles and goals, (N, 3) [m]."""
+    starts, goals = starts_and_goals(scene, rng)
+    rate = scene.speed_m_s / scene.radius_m
+    angles = rng.uniform(0.0, 2.0 * np.pi, len(starts))
+    return [Circling(start, float(angle), rate) for start, angle in zip(starts, angles, strict=True)], goals
+
+
+def _straight(circling: Circling, ways: list[Way]) -> FloatArray:
+    """Return the way that costs least if nobody is in it, from time zero on, (M, 4) [s, m]."""
+    return next(candidates(circling, ways, 0.0))
+
+
+def _pairs_lost(
+    scene: Scene, flown: list[Flown], end_s: float, rng: np.random.Generator
+) -> set[tuple[int, int]]:
+    times_s = np.arange(0.0, end_s, STEP_S)
+    return pairs_lost(scene, np.array([true_places(scene, each, times_s, rng) for each in flown]))
