@@ -73,9 +73,7 @@ class Radio:
             simulator = self._simulators[receiver]
             simulator.autopilot.receive(self._channels[receiver], frame)
 
-    def _send(
-        self, sender: int, frame: bytes, places: Sequence[Sequence[float]], now_s: float
-    ) -> None:
+    def _send(self, sender: int, frame: bytes, places: Sequence[Sequence[float]], now_s: float) -> None:
         number = int.from_bytes(frame[7:10], "little")
         is_own = frame[5] == self._simulators[sender].autopilot.system_id
         if not is_own or number not in CARRIED:

@@ -31,14 +31,16 @@ from companion.types.threat import TrackState, places_on_route
 IDENTITY = "system:"  # What a vehicle's own position reports are tracked under, with its system id.
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
 STOPS_S = 1.0  # A member of a team is in its circle from this time after the end of its path at the latest.
+REPLY_S, REPEAT_S, QUIET_S = 0.4, 1.0, 5.0  # As in TeamSettings: a plan has seconds to be approved.
 FAR_ABOVE_M = 10_000.0
 
 
 def settings_of(config: TeamConfig) -> TeamSettings:
     """Return what the members agree on before they fly, from the mission file."""
     return TeamSettings(
-        apart_m=config.apart_m, apart_up_m=config.apart_up_m, lost_after_s=config.lost_after_s
-    )
+        apart_m=config.apart_m, apart_up_m=config.apart_up_m, lost_after_s=config.lost_after_s,
+        reply_s=REPLY_S, repeat_s=REPEAT_S, quiet_s=QUIET_S,
+    )  # fmt: skip
 
 
 @dataclass(slots=True)

@@ -54,6 +54,8 @@ class LinkWatch:
         """Evaluate what was counted since the last call, a second ago."""
         identity, counters = self._link.codec.identity, self._link.codec.counters
         for system in identity.others[self._num_others : ANNOUNCED_MAX]:
+            if system in self._link.members:
+                continue
             words = f"autopilot {system} is heard, too; flying {identity.system_id}"
             own = identity.system_id
             self._announcer.decide(DecisionKind.LINK, words, tell="another autopilot", other=system, own=own)

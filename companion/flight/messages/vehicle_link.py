@@ -55,6 +55,8 @@ class VehicleLink:
         The messages that the autopilot is asked for.
     quality : LinkQuality
         The share of the autopilot's frames that arrive.
+    members : tuple of int
+        System ids of the members of a team.
     """
 
     def __init__(
@@ -79,6 +81,7 @@ class VehicleLink:
             with_clock=mission.team is not None,
         )
         self.quality = LinkQuality()
+        self.members = () if mission.team is None else mission.team.members
         self._clock = clock
         self._recorder = recorder
         self._observer = observer or Observer()

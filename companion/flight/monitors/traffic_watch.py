@@ -45,7 +45,8 @@ class TrafficWatch:
         """
         self._told_s = {name: told_s for name, told_s in self._told_s.items() if now_s - told_s < AGAIN_S}
         for track in tracks:
-            if not track.flies_on or track.identity in self._told_s:
+            # A member of a team that flies what it told is agreed with.
+            if not track.flies_on or track.keeps_route or track.identity in self._told_s:
                 continue
             nearest_s = _loses_well_clear(ownship, track)
             if nearest_s is not None:

@@ -1,0 +1,257 @@
+"""Several aircraft, autopilots and services in one simulated world, with a radio between them.
+
+Odd members fly from the mission's start to its goal, even ones the other way, so that they meet. Starts and
+goals lie side by side: no two circles at the ends overlap.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from companion.config import MissionConfig
+from companion.config.sections.team_section import TeamConfig
+from companion.errors import CompanionError
+from companion.frames import FloatArray
+from companion.types.events import Dialect
+from sim.radio import Radio
+from sim.sitl import LINGER_S, Flight
+
+SPOTS_M = 60.0  # Starts and goals are sought on a grid of this size.
+SPOTS_MAX = 5_000
+START_APART = 1.5  # Starts are so many times as far apart as members have to be.
+
+
+class NoPlaceError(CompanionError):
+    """There is no free place for a member's start or goal."""
+
+
+@dataclass(frozen=True, slots=True)
+class TeamOptions:
+    """How a team flies.
+
+    Parameters
+    ----------
+    num : int
+        Number of aircraft, at least two.
+    shares : bool
+        Whether they share their plans; without, nobody receives anything of the others.
+    range_m : float
+        Range of the radio [m].
+    loss : float
+        Share of its messages that are lost.
+    delay_s : float
+        Their largest delay [s].
+    """
+
+    num: int
+    shares: bool = True
+    range_m: float = math.inf
+    loss: float = 0.0
+    delay_s: float = 0.5
+
+
+@dataclass
+class TeamFlight:
+    """A flight of a team, and its measures.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission that all missions are made of.
+    seed : int
+        Seed of everything random.
+    options : TeamOptions
+        How the team flies.
+    dialect : Dialect
+        Which autopilots fly.
+    folder : Path or None
+        Folder of the recordings, one for each member.
+
+    Attributes
+    ----------
+    flights : list of Flight
+        The members' flights.
+    radio : Radio
+        The radio between them.
+    least_m : dict of (int, int) to tuple of float
+        For each two members that were nearest ever: how far apart horizontally [m], vertically [m], when [s].
+    """
+
+    mission: MissionConfig
+    seed: int
+    options: TeamOptions
+    dialect: Dialect = Dialect.ARDUPILOT
+    folder: Path | None = None
+    flights: list[Flight] = field(init=False)
+    radio: Radio = field(init=False)
+    least_m: dict[tuple[int, int], tuple[float, float, float]] = field(init=False, default_factory=dict)
+    arrived_s: dict[int, float] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.flights = [
+            Flight(
+                mission, self.seed + 1000 * number, self._folder_of(number), self.dialect, system_id=number
+            )
+            for number, mission in enumerate(team_missions(self.mission, self.options.num), 1)
+        ]
+        self.radio = Radio(
+            [flight.simulator for flight in self.flights], range_m=self.options.range_m,
+            loss=self.options.loss if self.options.shares else 1.0, delay_s=self.options.delay_s,
+            seed=self.seed,
+        )  # fmt: skip
+
+    def _folder_of(self, number: int) -> Path | None:
+        return None if self.folder is None else self.folder / f"{number}"
+
+    @property
+    def is_separate(self) -> bool:
+        """Whether no two members ever came closer than both distances of the team."""
+        config = self.flights[0].mission.team
+        assert config is not None
+        return all(flat >= config.apart_m or up >= config.apart_up_m for flat, up, _ in self.least_m.values())
+
+    @property
+    def has_hit(self) -> bool:
+        """Whether any member has touched something."""
+        return any(flight.simulator.truth.collision for flight in self.flights)
+
+    async def fly(self) -> None:
+        """Fly until all have arrived, or the time limit of the slowest has passed."""
+        limit_s = max(flight.limit_s for flight in self.flights)
+        async with contextlib.AsyncExitStack() as stack:
+            advances = [await stack.enter_async_context(flight.running()) for flight in self.flights]
+            now_s, end_s = 0.0, limit_s
+            while now_s < end_s:
+                for advance in advances:
+                    await advance()
+                now_s = self.flights[0].now_s
+                self.radio.step(now_s)
+                self._measure(now_s)
+                for number, flight in enumerate(self.flights, 1):
+                    if number not in self.arrived_s and flight.has_arrived():
+                        self.arrived_s[number] = now_s
+                if len(self.arrived_s) == len(self.flights):
+                    end_s = min(end_s, max(self.arrived_s.values()) + LINGER_S)
+
+    def _measure(self, now_s: float) -> None:
+        """Note how near any two members are, once both have taken off."""
+        places = np.array([flight.simulator.truth.path[-1][1:4] for flight in self.flights])
+        config = self.flights[0].mission.team
+        assert config is not None
+        for one, other in itertools.combinations(range(len(places)), 2):
+            away = places[one] - places[other]
+            flat, up = math.hypot(away[0], away[1]), abs(float(away[2]))
+            near = max(flat / config.apart_m, up / config.apart_up_m)
+            before = self.least_m.get((one + 1, other + 1))
+            if before is None or near < max(before[0] / config.apart_m, before[1] / config.apart_up_m):
+                self.least_m[one + 1, other + 1] = (flat, up, now_s)
+
+    def summary(self) -> dict[str, object]:
+        """Return what happened, for people and for JSON."""
+        nearest = min(self.least_m.values(), default=(math.inf, math.inf, 0.0))
+        return {
+            "mission": self.mission.name,
+            "seed": self.seed,
+            "aircraft": len(self.flights),
+            "shares": self.options.shares,
+            "is_separate": self.is_separate,
+            "collision": self.has_hit,
+            "arrived": len(self.arrived_s),
+            "arrived_s": {str(number): round(s, 1) for number, s in sorted(self.arrived_s.items())},
+            "nearest_m": round(nearest[0], 1),
+            "nearest_up_m": round(nearest[1], 1),
+            "nearest_at_s": round(nearest[2], 1),
+            "bytes_s": [
+                round(sent / max(flight.now_s, 1.0), 1)
+                for sent, flight in zip(self.radio.bytes_sent, self.flights, strict=True)
+            ],
+        }
+
+
+def fly_team(flight: TeamFlight) -> None:
+    """Fly a team to its end."""
+    asyncio.run(flight.fly())
+
+
+def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
+    """Return the missions of all members.
+
+    Raises
+    ------
+    NoPlaceError
+        If there is no free place for all starts and goals.
+    """
+    start, goal = mission.start, mission.goals[-1]
+    team = mission.team or TeamConfig(members=tuple(range(1, num + 1)))
+    circle_m = 1.3 * float(mission.vehicle.turn_radius_min_m)
+    free_m, beside_m = circle_m + team.tolerance_m, team.apart_m + 2.0 * team.tolerance_m
+    ends = [np.array([place.east_m, place.north_m]) for place in (start, goal)]
+    num_of = [(num + 1) // 2, num // 2]
+    starts, goals = (
+        [_spots(mission, end, count, free_m, apart_m) for end, count in zip(ends, counts, strict=True)]
+        for apart_m, counts in ((START_APART * beside_m, num_of), (2.0 * circle_m + beside_m, num_of[::-1]))
+    )
+    missions = []
+    for number in range(num):
+        way, index = number % 2, number // 2
+        begin, finish = starts[way][index], goals[1 - way][index]
+        toward = finish - begin
+        missions.append(
+            mission.model_copy(
+                update={
+                    "name": f"{mission.name}-{number + 1}",
+                    "start": start.model_copy(
+                        update={
+                            "east_m": float(begin[0]),
+                            "north_m": float(begin[1]),
+                            "course_deg": math.degrees(math.atan2(toward[0], toward[1])) % 360.0,
+                        }
+                    ),
+                    "goals": (
+                        goal.model_copy(update={"east_m": float(finish[0]), "north_m": float(finish[1])}),
+                    ),
+                    "dynamic_threats": (),
+                    "team": team.model_copy(update={"members": tuple(range(1, num + 1))}),
+                }
+            )
+        )
+    return missions
+
+
+def _spots(
+    mission: MissionConfig, near: FloatArray, num: int, free_m: float, apart_m: float
+) -> list[FloatArray]:
+    """Return the ``num`` free places nearest to ``near`` (2,), ``apart_m`` from each other [m].
+
+    A place is free if a circle of ``free_m`` about it is inside the bounds and clear of all obstacles [m].
+    """
+    walls = shapely.union_all([shapely.Polygon(wall.polygon_enu_m) for wall in mission.obstacle_list])
+    area = shapely.box(
+        mission.bounds.east_m[0],
+        mission.bounds.north_m[0],
+        mission.bounds.east_m[1],
+        mission.bounds.north_m[1],
+    ).buffer(-free_m)
+    steps = np.arange(-60, 61) * SPOTS_M
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    grid = grid[np.argsort(np.hypot(*grid.T), kind="stable")][:SPOTS_MAX]
+    found: list[FloatArray] = []
+    for place in near + grid:
+        point = shapely.Point(place)
+        if not area.contains(point) or walls.distance(point) < free_m:
+            continue
+        if all(math.dist(place, other) >= apart_m for other in found):
+            found.append(place)
+            if len(found) == num:
+                return found
+    raise NoPlaceError(
+        f"no free places for {num} circles {apart_m:.0f} m apart near {near[0]:.0f}, {near[1]:.0f}"
+    )
