@@ -320,7 +320,7 @@ class Agreement:
             self.counters["own" if sender == self.member else "stranger"] += 1
             return
         try:
-            message = read_payload(payload, self._members)
+            message = read_payload(payload)
         except PayloadError as error:
             self.counters[f"refused_{error}"] += 1
             return
@@ -366,7 +366,7 @@ class Agreement:
         report = Report(
             self._standing, tuple(answers[True]), tuple(answers[False]), tuple(sorted(self._missing)), awaited
         )
-        return report_payloads(report, self._members)
+        return report_payloads(report)
 
     def _take_standing(self, sender: int, standing: Standing, now_s: float) -> None:
         """Take in what a member says of itself, if it is later than what is known."""

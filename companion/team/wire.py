@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -142,18 +141,16 @@ class Fragment:
     data: bytes
 
 
-def report_payloads(report: Report, members: Sequence[int]) -> list[bytes]:
+def report_payloads(report: Report) -> list[bytes]:
     """Return a report as payloads; one is enough for up to 39 answers.
 
     Parameters
     ----------
     report : Report
         The report.
-    members : sequence of int
-        All members of the team, in rising order.
     """
-    bits = sum(1 << n for n, member in enumerate(members) if member in report.awaited)
-    awaited = bits.to_bytes((len(members) + 7) // 8, "little") if report.awaited else b""
+    bits = sum(1 << member for member in report.awaited)
+    awaited = bits.to_bytes((bits.bit_length() + 7) // 8, "little")
     answers = [(ANSWER.pack(*pair), 0) for pair in report.approved]
     answers += [(ANSWER.pack(*pair), 1) for pair in report.refused]
     answers += [(bytes([member]), 2) for member in report.missing]
@@ -213,15 +210,13 @@ def told_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.0) -> S
 
 
 @lru_cache(maxsize=CACHED)
-def read_payload(payload: bytes, members: tuple[int, ...]) -> Report | Fragment:
+def read_payload(payload: bytes) -> Report | Fragment:
     """Return what a payload says.
 
     Parameters
     ----------
     payload : bytes
         Payload of a TUNNEL message of :data:`PAYLOAD_TYPE`.
-    members : tuple of int
-        All members of the team, in rising order.
 
     Raises
     ------
@@ -236,7 +231,7 @@ def read_payload(payload: bytes, members: tuple[int, ...]) -> Report | Fragment:
     standing = _read_standing(flags, committed, latest)
     body = payload[HEADER.size :]
     if kind & 0xF == REPORT:
-        return _read_report(standing, body, members)
+        return _read_report(standing, body)
     if kind & 0xF == PLAN:
         return _read_fragment(standing, body)
     raise PayloadError("kind")
@@ -327,7 +322,7 @@ def _read_standing(flags: int, committed: int, latest: int) -> Standing:
     )
 
 
-def _read_report(standing: Standing, body: bytes, members: tuple[int, ...]) -> Report:
+def _read_report(standing: Standing, body: bytes) -> Report:
     if len(body) < COUNTS.size:
         raise PayloadError("report_length")
     num_approved, num_refused, num_missing, num_awaited = COUNTS.unpack_from(body)
@@ -342,7 +337,7 @@ def _read_report(standing: Standing, body: bytes, members: tuple[int, ...]) -> R
         tuple(ANSWER.iter_unpack(body[COUNTS.size : refused_at])),
         tuple(ANSWER.iter_unpack(body[refused_at:missing_at])),
         tuple(body[missing_at:awaited_at]),
-        frozenset(member for n, member in enumerate(members) if bits >> n & 1),
+        frozenset(member for member in range(bits.bit_length()) if bits >> member & 1),
     )
 
 

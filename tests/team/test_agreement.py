@@ -161,11 +161,11 @@ def test_nothing_is_committed_until_the_plan_of_a_member_that_is_heard_again_is_
     team.members[2].propose(replace(NORTH, rows=NORTH.rows + shift), team.now_s)
     assert team.outcomes() == [Outcome.COMMITTED] * 2
     team.deaf = set()
-    (payload,) = report_payloads(Report(Standing(1, 1)), (1, 2))
+    (payload,) = report_payloads(Report(Standing(1, 1)))
     team.members[1].receive(2, payload, team.now_s)
     assert team.members[1].members_lost(team.now_s) == frozenset()
     team.members[1].propose(replace(HIGH, rows=HIGH.rows + shift), team.now_s)
-    (approval,) = report_payloads(Report(Standing(1, 1), approved=((1, 2),)), (1, 2))
+    (approval,) = report_payloads(Report(Standing(1, 1), approved=((1, 2),)))
     team.members[1].receive(2, approval, team.now_s)
     assert team.members[1].outcome() is Outcome.PENDING
     team.pass_time(6)  # It asks for the plan, which clears its proposal.

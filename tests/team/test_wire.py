@@ -26,7 +26,7 @@ STANDING = Standing(4, 5, is_pending=True)
 
 
 def joined(payloads):
-    return b"".join(read_payload(payload, MEMBERS).data for payload in payloads)
+    return b"".join(read_payload(payload).data for payload in payloads)
 
 
 def test_a_plan_of_ten_legs_fits_one_payload_with_its_circle():
@@ -95,9 +95,9 @@ ANSWERS = st.lists(st.tuples(st.integers(1, 128), NUMBERS), max_size=60).map(tup
 @given(ANSWERS, ANSWERS, st.sets(st.integers(1, 128)), st.sets(st.sampled_from(MEMBERS)))
 def test_reports_of_any_length_are_read_again(approved, refused, missing, awaited):
     report = Report(STANDING, approved, refused, tuple(sorted(missing)), frozenset(awaited))
-    payloads = report_payloads(report, MEMBERS)
+    payloads = report_payloads(report)
     assert max(map(len, payloads)) <= PAYLOAD_BYTES
-    read = [read_payload(payload, MEMBERS) for payload in payloads]
+    read = [read_payload(payload) for payload in payloads]
     assert {each.standing for each in read} == {STANDING}
     for name in ("approved", "refused", "missing"):
         assert sum((getattr(each, name) for each in read), ()) == getattr(report, name)
@@ -105,7 +105,7 @@ def test_reports_of_any_length_are_read_again(approved, refused, missing, awaite
 
 
 def test_a_short_answer_takes_few_bytes():
-    (payload,) = report_payloads(Report(STANDING, approved=((3, 7),)), MEMBERS)
+    (payload,) = report_payloads(Report(STANDING, approved=((3, 7),)))
     assert len(payload) == 13
 
 
@@ -119,7 +119,7 @@ def test_any_bytes_are_read_or_refused(payload):
         b"\x12\x06\x00\x00\x07\x00\x07\x00\x01",
     ):
         try:
-            found = read_payload(start + payload, MEMBERS)
+            found = read_payload(start + payload)
         except PayloadError:
             continue
         if isinstance(found, Fragment):
@@ -135,7 +135,7 @@ def test_a_damaged_plan_is_read_or_refused(place, value):
     (payload,) = plan_payloads(STANDING, told_plan(plan(*zigzag(10)), FRAME), FRAME)
     damaged = payload[:place] + bytes([value]) + payload[place + 1 :]
     try:
-        found = read_payload(damaged, MEMBERS)
+        found = read_payload(damaged)
         if isinstance(found, Fragment):
             read_plan(found.data, 1, found.number, FRAME, BEGIN_S)
     except PayloadError:
@@ -152,9 +152,9 @@ def test_a_damaged_plan_is_read_or_refused(place, value):
     ],
 )
 def test_a_standing_that_no_member_can_have_is_refused(standing):
-    (payload,) = report_payloads(Report(standing), MEMBERS)
+    (payload,) = report_payloads(Report(standing))
     with pytest.raises(PayloadError, match="standing"):
-        read_payload(payload, MEMBERS)
+        read_payload(payload)
 
 
 def test_what_a_member_says_only_ever_moves_on():
