@@ -48,8 +48,8 @@ lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade f
 audit: $(STAMP) ## look for known vulnerabilities of what is installed; fails on one
 	.ci/audit
 
-fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl; PAGE=1 shows it on http://127.0.0.1:8080
-	$(BIN)/companion sitl $(MISSION) $(if $(PAGE),--page $(if $(filter 1,$(PAGE)),8080,$(PAGE))) $(FLAGS)
+fly: $(STAMP) ## fly MISSION in the simulator, with FLAGS for companion sitl; AIRCRAFT=4 is a team; PAGE=1 shows one on http://127.0.0.1:8080
+	$(BIN)/companion sitl $(MISSION) $(if $(AIRCRAFT),--aircraft $(AIRCRAFT)) $(if $(PAGE),--page $(if $(filter 1,$(PAGE)),8080,$(PAGE))) $(FLAGS)
 
 warm: $(STAMP)
 	@$(BIN)/companion warm-up # once, not in every process of the suite

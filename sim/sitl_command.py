@@ -27,6 +27,7 @@ from companion.research.campaign.run_places import FLIGHT, PURSUERS, offer
 from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # Every command of companion loads this module, and most of them do not fly.
+    from companion.config import MissionConfig
     from sim.sitl import Flight
 
 REFRESH_S = 1.0  # Simulated time between two updates of the live table.
@@ -61,6 +62,9 @@ def sitl(
     flights: Annotated[Path, typer.Option(help="Folder of the flights' reports and recordings.")] = Path(
         "flights"
     ),
+    aircraft: Annotated[
+        int, typer.Option(min=1, max=16, help="As many fly as a team, every other one the other way.")
+    ] = 1,
     page: PagePort = None,
     page_listen: PageListen = "",
     page_token: PageToken = "",
@@ -88,6 +92,8 @@ def sitl(
     folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
     logging.getLogger("companion.flight.tasks.app").setLevel(logging.WARNING)
     make_ready_with_bar(console)
+    if aircraft > 1:
+        raise typer.Exit(_fly_team(config, aircraft, seed, folder, autopilot, json_file, console))
     flight = Flight(
         config, seed, folder, autopilot, _pace(speed, has_page=page is not None),
         mission_text=mission.read_text(encoding="utf-8-sig"),
@@ -125,6 +131,21 @@ def sitl(
         shown_on.close()
     if not flight.summary()["success"]:
         raise typer.Exit(EXIT_FAILED)
+
+
+def _fly_team(
+    config: MissionConfig, num: int, seed: int, folder: Path | None, autopilot: Dialect,
+    json_file: Path | None, console: Console,
+) -> int:  # fmt: skip
+    """Fly as many aircraft as a team; return the exit status."""
+    from sim.team_command import fly_and_show
+    from sim.team_flight import TeamFlight
+
+    team = TeamFlight(config, num, seed, autopilot, folder)
+    is_success = fly_and_show(team, console)
+    if json_file is not None:
+        write_json(json_file, team.summary())
+    return 0 if is_success else EXIT_FAILED
 
 
 def _pace(speed: float | None, *, has_page: bool) -> float:

@@ -33,31 +33,6 @@ class NoPlaceError(CompanionError):
     """There is no free place for a member's start or goal."""
 
 
-@dataclass(frozen=True, slots=True)
-class TeamOptions:
-    """How a team flies.
-
-    Parameters
-    ----------
-    num : int
-        Number of aircraft, at least two.
-    shares : bool
-        Whether they share their plans; without, nobody receives anything of the others.
-    range_m : float
-        Range of the radio [m].
-    loss : float
-        Share of its messages that are lost.
-    delay_s : float
-        Their largest delay [s].
-    """
-
-    num: int
-    shares: bool = True
-    range_m: float = math.inf
-    loss: float = 0.0
-    delay_s: float = 0.5
-
-
 @dataclass
 class TeamFlight:
     """A flight of a team, and its measures.
@@ -66,10 +41,10 @@ class TeamFlight:
     ----------
     mission : MissionConfig
         The mission that all missions are made of.
+    num : int
+        Number of aircraft, at least two.
     seed : int
         Seed of everything random.
-    options : TeamOptions
-        How the team flies.
     dialect : Dialect
         Which autopilots fly.
     folder : Path or None
@@ -86,8 +61,8 @@ class TeamFlight:
     """
 
     mission: MissionConfig
+    num: int
     seed: int
-    options: TeamOptions
     dialect: Dialect = Dialect.ARDUPILOT
     folder: Path | None = None
     flights: list[Flight] = field(init=False)
@@ -100,12 +75,12 @@ class TeamFlight:
             Flight(
                 mission, self.seed + 1000 * number, self._folder_of(number), self.dialect, system_id=number
             )
-            for number, mission in enumerate(team_missions(self.mission, self.options.num), 1)
+            for number, mission in enumerate(team_missions(self.mission, self.num), 1)
         ]
+        weather = self.mission.simulation
         self.radio = Radio(
-            [flight.simulator for flight in self.flights], range_m=self.options.range_m,
-            loss=self.options.loss if self.options.shares else 1.0, delay_s=self.options.delay_s,
-            seed=self.seed,
+            [flight.simulator for flight in self.flights], range_m=weather.radio_range_m,
+            loss=weather.radio_loss, delay_s=weather.radio_delay_s, seed=self.seed,
         )  # fmt: skip
 
     def _folder_of(self, number: int) -> Path | None:
@@ -161,7 +136,6 @@ class TeamFlight:
             "mission": self.mission.name,
             "seed": self.seed,
             "aircraft": len(self.flights),
-            "shares": self.options.shares,
             "is_separate": self.is_separate,
             "collision": self.has_hit,
             "arrived": len(self.arrived_s),

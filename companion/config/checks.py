@@ -39,6 +39,7 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
     yield from _takeover(config)
     yield from _energy(config)
     yield from _glide(config)
+    yield from _team(config)
     yield from _terrain(config)
 
 
@@ -62,6 +63,13 @@ def _energy(config: MissionConfig) -> Iterator[Finding]:
         )
     if energy.reserve_wh > energy.capacity_wh:
         yield ("energy", "reserve_wh"), f"at most capacity_wh, {energy.capacity_wh:g}"
+
+
+def _team(config: MissionConfig) -> Iterator[Finding]:
+    members = () if config.team is None else config.team.members
+    for index, member in enumerate(members):
+        if member in members[:index]:
+            yield ("team", "members", index), "each member once"
 
 
 def _glide(config: MissionConfig) -> Iterator[Finding]:

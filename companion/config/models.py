@@ -279,7 +279,7 @@ class ObstacleConfig(Section):
 
 
 class Simulation(Section):
-    """Weather of the simulator."""
+    """Weather of the simulator, and the radio of a team in it (`companion sitl --aircraft`)."""
 
     wind_speed_m_s: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     """Speed of the mean wind."""
@@ -287,6 +287,12 @@ class Simulation(Section):
     """Direction that the wind comes from, clockwise from north."""
     turbulence: Literal["none", "light", "moderate"] = "none"
     """Dryden turbulence in addition to the mean wind."""
+    radio_range_m: Length = 100_000.0
+    """Range of a team's radio."""
+    radio_loss: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """Share of a team's messages that are lost; with 1 the members know nothing of each other."""
+    radio_delay_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
+    """Largest delay of a team's messages."""
 
 
 class SigningConfig(Section):
