@@ -32,6 +32,7 @@ IDENTITY = "system:"  # What a vehicle's own position reports are tracked under,
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
 STOPS_S = 1.0  # A member of a team is in its circle from this time after the end of its path at the latest.
 REPLY_S, REPEAT_S, QUIET_S = 0.4, 1.0, 5.0  # As in TeamSettings: a plan has seconds to be approved.
+PLANNED_BESIDE_M = 10.0  # What a plan is moved by when it is told, and a little.
 FAR_ABOVE_M = 10_000.0
 
 
@@ -240,7 +241,7 @@ class TeamExchange:
                 agreement.observe(int(number), track.position_enu_m, track.stamp_s + ahead_s)
             else:
                 others.append(track)
-        reach_m = config.apart_m + 2.0 * config.tolerance_m
+        reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
         told = {plan.member: plan for plan in agreement.plans_to_clear()}
         for member in agreement.members_deviating(now_s + ahead_s) | agreement.members_lost(now_s + ahead_s):

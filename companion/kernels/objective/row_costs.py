@@ -28,6 +28,8 @@ from companion.kernels.workspace import FilterScratch, PathRows
 SEEN = 0.5  # A second counts as in sight from this membership on.
 CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on climbs, as a share of that.
 AT_CENTRE = 5.0  # A second in the middle of a well clear volume costs so much more than one at its surface.
+# The same where an aircraft keeps its route for certain: beyond a few metres inside, no search passes it.
+AT_KEPT_CENTRE = 100.0
 MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
 
@@ -139,7 +141,8 @@ def danger_if(
     radius = pursuers.model[d, 1] + passing_spread(pursuers, d, time)
     beside = math.hypot(there[0] - x, there[1] - y) - radius
     if above <= 0.0 and beside <= 0.0:
-        return 1.0 + (AT_CENTRE - 1.0) * min(-above / height, -beside / radius)
+        centre = AT_KEPT_CENTRE if pursuers.model[d, 7] else AT_CENTRE
+        return 1.0 + (centre - 1.0) * min(-above / height, -beside / radius)
     return max(0.0, 1.0 - max(above / MARGIN_UP_M, beside / MARGIN_M))
 
 
