@@ -78,6 +78,24 @@ class LocalFrame:
         longitude, latitude = self._transformer.transform(east_m, north_m, direction="INVERSE")
         return float(latitude), float(longitude), up_m + self.altitude_amsl_m
 
+    def locals_from_places(
+        self, latitude_deg: FloatArray, longitude_deg: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return east and north of n WGS84 points [m], each of shape (n,).
+
+        Parameters
+        ----------
+        latitude_deg, longitude_deg : ndarray, shape (n,)
+            WGS84 coordinates of the points [deg].
+
+        Returns
+        -------
+        east_m, north_m : ndarray, shape (n,)
+            Local points [m].
+        """
+        east, north = self._transformer.transform(longitude_deg, latitude_deg)
+        return np.asarray(east), np.asarray(north)
+
     def places_from_local(self, east_m: FloatArray, north_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return latitudes and longitudes of n local points [deg], each of shape (n,).
 
