@@ -29,7 +29,8 @@ One YAML file describes a mission: where the aircraft flies, its performance, it
 service may do. `companion check FILE` validates it and prints a summary; `--plot` draws it. An error names
 the file, the line, the key, the value and what was expected. Keys end in their units. Lengths are metres
 east, north and up of the origin; courses are degrees clockwise from north. An unknown key is an error, so
-that no misspelt key is ignored. `mission_configs/first-flight.yaml` is a template.
+that no misspelt key is ignored. `mission_configs/first-flight.yaml` is a template, `companion new` writes a
+file from four answers, and `companion import` makes one of [what you have](own-mission.md).
 
 This page is made from the code that validates the file (`make docs`).
 
