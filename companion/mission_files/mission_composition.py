@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.config import MissionConfig
+from companion.config.sections.geographic_places import DISTANCE_MAX_M
 from companion.errors import ConfigError
 from companion.frames import FloatArray, LocalFrame, course_from_direction
 from companion.mission_files.aircraft_classes import CLASSES, DEFAULT_CLASS
@@ -120,6 +121,7 @@ class _Composition:
                 resolved = self._resolved(place, shift)
                 found[resolved.kind].append(resolved)
         self._found = found
+        self._check_distances()
         if wishes.like is not None:
             self._add_missing(places_of(wishes.like))
 
@@ -171,6 +173,20 @@ class _Composition:
         for place in places:
             if place.kind in absent:
                 self._found[place.kind].append(self._resolved(place, shift))
+
+    def _check_distances(self) -> None:
+        """Check that all places are near home: far ones are slips, and cannot be measured from it."""
+        for place in (place for places in self._found.values() for place in places):
+            if place.kind is Kind.TAKEOFF:  # Only its height counts; its place is often not set.
+                continue
+            distances = np.hypot(*self._local([place]).T)
+            far = int(np.argmax(np.where(np.isfinite(distances), distances, np.inf)))
+            if not distances[far] <= DISTANCE_MAX_M:
+                latitude, longitude = place.corners[far]
+                away = f"{distances[far] / 1000.0:.0f} km"
+                found = f"{latitude:.6f}, {longitude:.6f}, which is {away} from home"
+                expected = f"a place within {DISTANCE_MAX_M / 1000.0:.0f} km of home"
+                raise ConfigError(place.where, None, "place", found, expected)
 
     def _resolved(self, place: FoundPlace, shift_m: float) -> FoundPlace:
         """Return a place whose heights are above the origin."""

@@ -273,3 +273,9 @@ def test_a_kml_alone_with_a_home(tmp_path):
     assert mission.origin.altitude_amsl_m == 584
     assert (mission.start.up_m, mission.goals[0].up_m) == (70, 70)
     assert "no height: taken at 70 m, as the start" in text
+
+
+def test_a_take_off_without_a_place_gives_its_height(tmp_path):
+    items = [waypoint(15, 0, 0, None, 0, 0, 60, command=22), waypoint(0, 0, 0, None, -35.35, 149.18, 60)]
+    text = imported([written(tmp_path, "a.plan", plan(items=items))], Wishes("mine"))
+    assert mission_from_text(text, "mine.yaml").start.up_m == 60

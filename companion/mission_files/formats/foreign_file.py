@@ -36,17 +36,20 @@ def foreign_bytes(path: Path) -> bytes:
 
 
 def foreign_text(intake: Intake, data: bytes) -> str:
-    """Return the text of a file in UTF-8.
+    """Return the text of a file in UTF-8, from its first line that is not empty.
 
     Raises
     ------
     ConfigError
-        If it is in another encoding.
+        If it is in another encoding, or has no text.
     """
     try:
-        return data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig").lstrip()
     except UnicodeDecodeError:
         raise intake.error("file", "bytes that are not UTF-8", "a text file in UTF-8") from None
+    if not text:
+        raise intake.error("file", "nothing", "a file with content")
+    return text
 
 
 def json_document(intake: Intake, data: bytes) -> dict[str, object]:

@@ -21,6 +21,7 @@ _GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "MultiGeometry")
 _NOT_TAKEN = (
     "NetworkLink", "GroundOverlay", "ScreenOverlay", "PhotoOverlay", "Tour", "Track", "MultiTrack", "Model"
 )  # fmt: skip
+_BROKEN_ARCHIVE = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError)
 _MEMBERS_MAX = 10_000
 _HEIGHT_MODES = ("absolute", "relativeToGround")
 _HEIGHTS = {"up_m", "altitude_amsl_m", "top_m", "top_amsl_m", "height_m", "height"}
@@ -45,7 +46,7 @@ def take_kmz(intake: Intake, data: bytes) -> None:
                 intake.leave("document", member.filename, "the first KML document of an archive counts")
             with archive.open(documents[0]) as member_file:
                 content = member_file.read(BYTES_MAX + 1)
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
+    except (*_BROKEN_ARCHIVE, OSError, ValueError) as error:  # An offset before its begin raises ValueError.
         raise intake.error("file", str(error), "a whole KMZ archive without a password") from None
     if len(content) > BYTES_MAX:
         raise intake.error("file", documents[0].filename, f"at most {BYTES_MAX} bytes")

@@ -23,6 +23,7 @@ from companion.types.mavlink_enums import Command, MavFrame
 
 OWN_KEY = "safe_rrt_companion"
 PLAN_VERSION, MISSION_VERSION, ZONES_VERSION = 1, 2, 2
+_RALLY_VERSIONS = (1, 2)  # They differ in the name of a key that is not needed.
 _ARDUPILOT, _FIXED_WING = 3, 1
 
 
@@ -118,7 +119,7 @@ def _complex(intake: Intake, item: Mapping[str, object], where: str, label: str)
     kind = str(item.get("complexItemType", "complex item"))
     transects = item.get("TransectStyleComplexItem")
     inner = transects.get("Items") if isinstance(transects, dict) else None
-    if not isinstance(inner, list):
+    if not isinstance(inner, list) or not inner:
         reason = (
             "the landing is the autopilot's mission's" if "landing" in kind.lower() else "it has no transects"
         )
@@ -159,7 +160,8 @@ def _zone(intake: Intake, entry: object, where: str) -> Kind:
 
 
 def _take_rally(intake: Intake, rally: Mapping[str, object]) -> None:
-    _check_version(intake, "rallyPoints.version", rally, ZONES_VERSION)
+    if rally.get("version") not in _RALLY_VERSIONS:
+        raise intake.error("rallyPoints.version", rally.get("version"), "1 or 2")
     for index, entry in enumerate(_list(intake, rally.get("points", []), "rallyPoints.points")):
         where = f"rallyPoints.points.{index}"
         latitude, longitude, *_ = _list(intake, entry, where, 2)
