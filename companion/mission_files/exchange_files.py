@@ -24,6 +24,7 @@ from companion.mission_files.mission_text import remarks_of, text_of_mission
 READERS: dict[str, Callable[[Intake, bytes], None]] = {
     ".plan": take_plan,
     ".waypoints": take_waypoints,
+    ".txt": take_waypoints,
     ".kml": take_kml,
     ".kmz": take_kmz,
     ".geojson": take_geojson,
@@ -71,7 +72,12 @@ def taken(path: Path, default_kind: Kind | None = None) -> Intake:
     return intake
 
 
-def imported(files: Sequence[Path], wishes: Wishes, default_kind: Kind | None = None) -> str:
+def imported(
+    files: Sequence[Path],
+    wishes: Wishes,
+    default_kind: Kind | None = None,
+    tell: Callable[[Sequence[str]], None] | None = None,
+) -> str:
     """Return the text of a mission file made of other files; it is valid, and has remarks at its top.
 
     Parameters
@@ -82,6 +88,8 @@ def imported(files: Sequence[Path], wishes: Wishes, default_kind: Kind | None = 
         What the user says beside them.
     default_kind : Kind or None
         Kind of the places of which a file does not say it.
+    tell : callable, optional
+        Called with all remarks, before an error as well: what was left out may be what is missing.
 
     Raises
     ------
@@ -90,9 +98,15 @@ def imported(files: Sequence[Path], wishes: Wishes, default_kind: Kind | None = 
     """
     intakes = [taken(path, default_kind) for path in files]
     names = ", ".join(intake.file for intake in intakes)
-    head = (f"Made by companion import of {names}.",)
-    text = text_of_mission(composed(intakes, wishes), wishes, f"Imported from {names}", head)
-    check_text(text, names)
+    remarks: Sequence[str] = [remark for intake in intakes for remark in intake.remarks]
+    try:
+        head = (f"Made by companion import of {names}.",)
+        text = text_of_mission(composed(intakes, wishes), wishes, f"Imported from {names}", head)
+        remarks = remarks_of(text)
+        check_text(text, names)
+    finally:
+        if tell is not None:
+            tell(remarks)
     return text
 
 
@@ -137,9 +151,15 @@ def written_new(path: Path, data: bytes, *, replaces: bool) -> None:
 
 
 def import_files(
-    files: Sequence[Path], target: Path, wishes: Wishes, default_kind: Kind | None, *, replaces: bool
-) -> tuple[MissionConfig, list[str]]:
-    """Import files into a mission file.
+    files: Sequence[Path],
+    target: Path,
+    wishes: Wishes,
+    default_kind: Kind | None,
+    tell: Callable[[Sequence[str]], None],
+    *,
+    replaces: bool,
+) -> MissionConfig:
+    """Import files into a mission file, and return the mission.
 
     Parameters
     ----------
@@ -151,24 +171,19 @@ def import_files(
         What the user says beside them.
     default_kind : Kind or None
         Kind of the places of which a file does not say it.
+    tell : callable
+        Called with what was not taken, or taken otherwise than it was found.
     replaces : bool
         True to replace an existing mission file.
-
-    Returns
-    -------
-    MissionConfig
-        The mission.
-    list of str
-        What was not taken, or taken otherwise than it was found.
 
     Raises
     ------
     ConfigError
         If a file is wrong, something is missing, or the file cannot be written.
     """
-    text = imported(files, wishes, default_kind)
+    text = imported(files, wishes, default_kind, tell)
     written_new(target, text.encode(), replaces=replaces)
-    return check_text(text, str(target)), remarks_of(text)
+    return check_text(text, str(target))
 
 
 def export_mission(

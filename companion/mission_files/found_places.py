@@ -22,6 +22,7 @@ PLACES_MAX = 20_000
 CORNERS_MAX = 200_000
 NUMBER_MAX = 1e7
 RADIUS_MAX_M = 100_000.0
+EXCERPT_MAX = 80  # Characters of a wrong value in a message.
 LISTED_MAX = 20  # Longer lists of numbers are cut in remarks.
 
 Degrees = tuple[float, float]
@@ -187,8 +188,8 @@ class Intake:
 
     def error(self, key: str, value: object, expected: str, line: int | None = None) -> ConfigError:
         """Return the error for something in the file."""
-        words = value if isinstance(value, str) else repr(value)
-        return ConfigError(self.file, line, key, words[:80] or "nothing", expected)
+        words = value if isinstance(value, str) else "" if value is None else repr(value)
+        return ConfigError(self.file, line, key, words[:EXCERPT_MAX] or "nothing", expected)
 
     def number(self, key: str, value: object, low: float = -NUMBER_MAX, high: float = NUMBER_MAX) -> float:
         """Return a number, which may be written as text.

@@ -6,7 +6,7 @@ Every command of companion loads this module; what reads and composes is importe
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -77,8 +77,11 @@ def import_(
         height_m=height,
         goals_from_autopilot=goals_from_autopilot,
     )
-    mission, remarks = import_files(files, output, wishes, default_kind, replaces=force)
-    _tell(Console(stderr=True), [f"remark: {remark}" for remark in remarks])
+
+    def tell(remarks: Sequence[str]) -> None:
+        _tell(Console(stderr=True), [f"remark: {remark}" for remark in remarks])
+
+    mission = import_files(files, output, wishes, default_kind, tell, replaces=force)
     goals = "goals in the autopilot" if mission.goals_from_autopilot else f"{len(mission.goals)} goals"
     counts = f"{goals}, {len(mission.obstacles)} obstacles, {len(mission.radars)} radars"
     _tell(Console(), [f"{output}: {counts}, {len(mission.dynamic_threats)} moving threats"])
@@ -120,7 +123,7 @@ def export_places(
     return "\n".join(map(printable, export_mission(mission, plan, kml, geojson, replaces=replaces)))
 
 
-def _tell(console: Console, lines: list[str]) -> None:
+def _tell(console: Console, lines: Sequence[str]) -> None:
     for line in lines:
         console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
 

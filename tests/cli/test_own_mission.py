@@ -8,7 +8,7 @@ import pytest
 
 from companion.config import load_mission
 from tests.cli.calls import FIRST_FLIGHT
-from tests.mission_files.files import EXAMPLES, collection, feature, plan, written
+from tests.mission_files.files import EXAMPLES, collection, feature, plan, waypoint, written
 
 HOME, GOAL = "-35.363261,149.165230,584", "-35.3565 149.1845"
 
@@ -106,3 +106,12 @@ def test_new_without_an_answer_names_the_option(companion, tmp_path, monkeypatch
     )
     assert (wrong.code, "--goal: got 5; expected LATITUDE,LONGITUDE" in wrong.err) == (2, True)
     assert not (tmp_path / "m.yaml").exists()
+
+
+def test_what_was_left_out_is_told_before_the_error_that_comes_of_it(companion, tmp_path):
+    terrain = plan(items=[waypoint(0, 0, 0, None, -35.35, 149.18, 80, frame=10)])
+    result = companion("import", written(tmp_path, "a.plan", terrain), "-o", tmp_path / "m.yaml")
+    assert result.code == 2
+    remark, error = result.err.strip().splitlines()
+    assert "item 1: not taken: its height is in frame 10, over terrain" in remark
+    assert "a.plan: goals: got nothing; expected waypoints" in error

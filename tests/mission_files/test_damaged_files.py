@@ -39,6 +39,7 @@ def samples(tmp_path_factory):
         ".json": (folder / "a.geojson").read_bytes(),
         ".csv": (EXAMPLES / "radars.csv").read_bytes(),
         ".waypoints": WAYPOINTS.encode(),
+        ".txt": WAYPOINTS.encode(),
         ".gpx": GPX.encode(),
     }
     return good.__getitem__

@@ -40,7 +40,7 @@ def test_without_a_route_waypoints_are_goals(tmp_path):
 
 BROKEN_GPX = {
     "version": (gpx(PLAIN, "2.0"), "gpx version", "2.0"),
-    "no latitude": (gpx('<wpt lon="5"/>'), "waypoint latitude", "None"),
+    "no latitude": (gpx('<wpt lon="5"/>'), "waypoint latitude", "nothing"),
     "latitude": (gpx(PLAIN.replace("-35.36", "95")), "waypoint P latitude", "95"),
     "height": (gpx(TYPED.replace("584", "nan")), "waypoint altitude_amsl_m", "nan"),
     "truncated": (gpx(PLAIN)[:-9], "syntax", None),
@@ -100,11 +100,11 @@ def test_a_broken_table_gives_one_error(case, tmp_path):
     assert value is None or caught.value.value == value
 
 
-@pytest.mark.parametrize("name", ["a.txt", "a"])
+@pytest.mark.parametrize("name", ["a.yaml", "a"])
 def test_an_unknown_ending_is_refused(name, tmp_path):
     with pytest.raises(ConfigError) as caught:
         take(tmp_path, name, "x")
-    assert ".plan, .waypoints, .kml" in caught.value.expected
+    assert ".plan, .waypoints, .txt, .kml" in caught.value.expected
 
 
 def test_a_folder_and_a_missing_file_are_refused(tmp_path):

@@ -114,7 +114,7 @@ BROKEN = {
     "not a plan": ({"fileType": "Mission"}, "fileType", "Mission", "Plan, as QGroundControl writes it"),
     "a later version": (PLAN | {"version": 2}, "version", "2", None),
     "a later mission": (plan(version=3), "mission.version", "3", None),
-    "no mission": ({"fileType": "Plan", "version": 1}, "mission", "None", "an object, in braces"),
+    "no mission": ({"fileType": "Plan", "version": 1}, "mission", "nothing", "an object, in braces"),
     "NaN": (json.dumps(plan(plannedHomePosition=[float("nan"), 1, 2])), "file", "NaN", None),
     "infinity": (json.dumps(plan(plannedHomePosition=[1e999, 1, 2])), "file", "Infinity", None),
     "latitude": (
@@ -129,7 +129,12 @@ BROKEN = {
         "x",
         "a number from -180 to 180",
     ),
-    "no altitude": (plan(items=[waypoint(0, 0, 0, None, -35, 149, None)]), "item 1 altitude", "None", None),
+    "no altitude": (
+        plan(items=[waypoint(0, 0, 0, None, -35, 149, None)]),
+        "item 1 altitude",
+        "nothing",
+        None,
+    ),
     "params": (
         plan(items=[waypoint(0, 0)]),
         "mission.items.0.params",
@@ -150,7 +155,7 @@ BROKEN = {
     "a circle": (
         PLAN | {"geoFence": {"version": 2, "circles": [{"inclusion": True, "circle": {"center": [1, 1]}}]}},
         "geoFence.circles.0.circle.radius",
-        "None",
+        "nothing",
         None,
     ),
 }
