@@ -353,7 +353,7 @@ def export(
     force: Force = False,
 ) -> None:
     """Export a recording for Foxglove or rerun, or a mission file for ground stations and maps."""
-    if plan or kml or geojson:
+    if plan or kml or geojson or flight.suffix == ".yaml":
         said = mission_commands.export_places(flight, plan, kml, geojson, replaces=force)
     else:
         from companion.service.replay import replay_command as replaying

@@ -117,7 +117,16 @@ def new(
 def export_places(
     mission: Path, plan: Path | None, kml: Path | None, geojson: Path | None, *, replaces: bool
 ) -> str:
-    """Export the places of a mission file, and return what was written, for ``companion export``."""
+    """Export the places of a mission file, and return what was written, for ``companion export``.
+
+    Raises
+    ------
+    ConfigError
+        If no format is asked for, the mission is wrong, or a file cannot be written.
+    """
+    if not (plan or kml or geojson):
+        expected = "--plan, --kml or --geojson with a file to write, since a mission file is exported"
+        raise ConfigError("command line", None, "export", "none of its options", expected)
     from companion.mission_files.exchange_files import export_mission
 
     return "\n".join(map(printable, export_mission(mission, plan, kml, geojson, replaces=replaces)))

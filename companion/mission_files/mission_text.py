@@ -30,6 +30,7 @@ _SECTIONS = (
     "terrain",
 )
 _SIMULATION = """\
+# Weather of the simulator; it matters for companion sitl only.
 simulation:
   wind_speed_m_s: 3
   wind_from_deg: 240

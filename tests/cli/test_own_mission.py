@@ -73,6 +73,8 @@ def test_export_to_all_formats_and_import_again(companion, tmp_path):
         assert [entry.name for entry in load_mission(again).radars] == ["radar_1"]
     assert json.loads(targets["plan"].read_text(encoding="utf-8"))["fileType"] == "Plan"
     assert companion("export", FIRST_FLIGHT, *options).code == 2
+    plain = companion("export", FIRST_FLIGHT)
+    assert (plain.code, "--plan, --kml or --geojson with a file to write" in plain.err) == (2, True)
 
 
 @pytest.mark.parametrize("aircraft", ["slow", "medium", "fast"])

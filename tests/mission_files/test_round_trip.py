@@ -141,7 +141,7 @@ def missions(draw):
 
 
 @pytest.mark.parametrize("form", FORMATS)
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mission=missions())
 def test_any_mission_comes_back(form, tmp_path, mission):
     """Without another mission to take settings from: the places alone."""

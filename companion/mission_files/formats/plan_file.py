@@ -62,9 +62,8 @@ def take_plan(intake: Intake, data: bytes) -> None:
 def _check_version(intake: Intake, key: str, section: Mapping[str, object], version: int) -> None:
     found = section.get("version", "nothing")
     if found != version:
-        raise intake.error(
-            key, str(found), f"{version}; newer plans are not known, older ones QGroundControl converts"
-        )
+        expected = f"{version}; QGroundControl converts other versions: open the plan there and save it"
+        raise intake.error(key, str(found), expected)
 
 
 def _section(intake: Intake, document: Mapping[str, object], key: str) -> Mapping[str, object]:
