@@ -114,6 +114,7 @@ class _Composition:
         self._remarks: list[str] = [remark for intake in intakes for remark in intake.remarks]
         self._homes = [self._home_in(intake) for intake in intakes]
         self._origin = self._find_origin()
+        self._remark_homes([place for intake in intakes for place in intake.places])
         found: dict[Kind, list[FoundPlace]] = {kind: [] for kind in Kind}
         for intake, home in zip(intakes, self._homes, strict=True):
             shift = 0.0 if home is None else home.altitude_amsl_m - self._origin.altitude_amsl_m
@@ -140,21 +141,28 @@ class _Composition:
     def _find_origin(self) -> LocalFrame:
         if self._wishes.home is not None:
             return LocalFrame(*self._wishes.home)
-        homes = [home for home in self._homes if home is not None]
-        if homes:
-            for other in homes[1:]:
-                east, north, up = homes[0].local_from_global(
-                    other.latitude_deg, other.longitude_deg, other.altitude_amsl_m
-                )
-                if math.hypot(east, north, up) > HOME_TOLERANCE_M:
-                    away = f"{math.hypot(east, north):.0f} m away, {up:+.0f} m"
-                    self._remarks.append(f"a second home, {away}: not taken: the first one counts")
-            return homes[0]
+        for home in self._homes:
+            if home is not None:
+                return home
         if self._wishes.like is not None:
             return self._wishes.like.frame
         raise self._missing(
             "home", "a home with its altitude in one of the files, or --home LAT,LON,ALTITUDE"
         )
+
+    def _remark_homes(self, places: Iterable[FoundPlace]) -> None:
+        """Remark on each home in the files that is not the one from which the mission's metres count."""
+        for home in places:
+            if home.kind is not Kind.ORIGIN:
+                continue
+            if "altitude_amsl_m" not in home.values:
+                self._remarks.append(f"{home.where}: not taken: it has no altitude")
+                continue
+            altitude_m = float(str(home.values["altitude_amsl_m"]))
+            east, north, up = self._origin.local_from_global(*home.corners[0], altitude_m)
+            if not math.hypot(east, north, up) <= HOME_TOLERANCE_M:
+                away = f"{math.hypot(east, north):.0f} m from the home that counts, {up:+.0f} m"
+                self._remarks.append(f"{home.where}: not taken: it is {away}")
 
     def _add_missing(self, places: Sequence[FoundPlace]) -> None:
         """Add what no file has from another mission."""
@@ -274,6 +282,8 @@ class _Composition:
         home = self._wishes.home or next(filter(None, self._homes), None)
         if starts:
             start = starts[0]
+            if takeoffs and "up_m" in start.values:
+                self._remarks.append(f"{takeoffs[0].where}: not taken: the start has a height")
         elif home is not None:
             where = (self._origin.latitude_deg, self._origin.longitude_deg)
             start = FoundPlace(Kind.START, (where,), "home", {}, "home")

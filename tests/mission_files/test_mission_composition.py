@@ -79,7 +79,7 @@ def test_heights_of_a_plan_count_from_its_own_home(tmp_path):
     mission = mission_from_text(text, "mine.yaml")
     assert [goal.up_m for goal in mission.goals] == [96, 96]
     assert mission.origin.altitude_amsl_m == 584
-    assert "a second home, 0 m away, +16 m: not taken: the first one counts" in text
+    assert "two.plan: planned home: not taken: it is 0 m from the home that counts, +16 m" in text
 
 
 def test_a_fence_becomes_bounds_and_walls(tmp_path):
@@ -279,3 +279,20 @@ def test_a_take_off_without_a_place_gives_its_height(tmp_path):
     items = [waypoint(15, 0, 0, None, 0, 0, 60, command=22), waypoint(0, 0, 0, None, -35.35, 149.18, 60)]
     text = imported([written(tmp_path, "a.plan", plan(items=items))], Wishes("mine"))
     assert mission_from_text(text, "mine.yaml").start.up_m == 60
+
+
+def test_homes_that_do_not_count_are_named(tmp_path):
+    flat = feature("home", "Point", at(0.0, 0.0), name="flat")
+    features = (flat, HOME, GOAL)
+    _, text = mission_of(tmp_path, *features, home=(-35.363261, 149.17623, 600.0))
+    assert "# - a.geojson: feature 1 'flat': not taken: it has no altitude" in text
+    assert "# - a.geojson: feature 2: not taken: it is 1000 m from the home that counts, -16 m" in text
+
+
+def test_the_height_of_a_take_off_gives_way_to_that_of_the_start(tmp_path):
+    items = [waypoint(15, 0, 0, None, 0, 0, 60, command=22), waypoint(0, 0, 0, None, -35.35, 149.18, 60)]
+    flown = written(tmp_path, "a.plan", plan(items=items))
+    start = written(tmp_path, "b.geojson", collection(feature("start", "Point", at(9.0, 9.0), up_m=80)))
+    text = imported([flown, start], Wishes("mine"))
+    assert mission_from_text(text, "mine.yaml").start.up_m == 80
+    assert "# - a.plan: item 1: not taken: the start has a height" in text
