@@ -4,6 +4,7 @@
 _.model_config  # pydantic
 _.connection_made, _.data_received, _.datagram_received, _.error_received, _.connection_lost  # asyncio
 _.log_message  # http.server
+_.StartDoctypeDeclHandler, _.StartElementHandler, _.EndElementHandler, _.CharacterDataHandler  # expat
 _.collect  # prometheus_client
 _._from, _._workdir, _._copy, _._env, _._user, _._healthcheck, _._stopsignal, _._entrypoint, _._cmd  # getattr
 

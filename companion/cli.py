@@ -24,16 +24,21 @@ from typer.models import CommandInfo
 
 from companion import __version__, plain_text, safe_files
 from companion.cli_options import (
+    Force,
+    GeojsonTarget,
     JsonFile,
+    KmlTarget,
     MetricsPort,
     MissionFile,
     PageGround,
     PageListen,
     PagePort,
     PageToken,
+    PlanTarget,
     make_ready_with_bar,
 )
 from companion.errors import CompanionError, ConfigError
+from companion.mission_files import mission_commands
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
 
 EXIT_FAILED = 1
@@ -334,7 +339,7 @@ def report(
 
 @app.command()
 def export(
-    flight: Annotated[Path, typer.Argument(exists=True, help="A flight's folder, its tlog or mcap.")],
+    flight: Annotated[Path, typer.Argument(exists=True, help="A flight's folder, tlog or mcap; or mission.")],
     target: Annotated[
         Path | None,
         typer.Argument(help="The file to write; with --rerun by default flight.rrd at the tlog."),
@@ -342,11 +347,19 @@ def export(
     rerun: Annotated[
         bool, typer.Option("--rerun", help="Write a picture for rerun; the file ends in .rrd.")
     ] = False,
+    plan: PlanTarget = None,
+    kml: KmlTarget = None,
+    geojson: GeojsonTarget = None,
+    force: Force = False,
 ) -> None:
-    """Export a recording for Foxglove, with a layout, or for rerun."""
-    from companion.service.replay import replay_command as replaying
+    """Export a recording for Foxglove or rerun, or a mission file for ground stations and maps."""
+    if plan or kml or geojson or flight.suffix == ".yaml":
+        said = mission_commands.export_places(flight, plan, kml, geojson, replaces=force)
+    else:
+        from companion.service.replay import replay_command as replaying
 
-    console.print(replaying.exported(flight, target, is_for_rerun=rerun), markup=False, soft_wrap=True)
+        said = replaying.exported(flight, target, is_for_rerun=rerun)
+    console.print(said, markup=False, soft_wrap=True)
 
 
 @app.command()
@@ -429,6 +442,7 @@ def _name_of(command: CommandInfo) -> str:
     return command.name or str(getattr(command.callback, "__name__", ""))
 
 
+mission_commands.register(app)
 OWN_COMMANDS = frozenset(map(_name_of, app.registered_commands))
 
 

@@ -19,6 +19,14 @@ MetricsPort = Annotated[
         help="Port of /metrics and /healthz, for this computer only; by default none.",
     ),
 ]  # fmt: skip
+Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
+PlanTarget = Annotated[
+    Path | None, typer.Option("--plan", help="Of a mission file: write a QGroundControl plan.")
+]
+KmlTarget = Annotated[Path | None, typer.Option("--kml", help="Of a mission file: write its places as KML.")]
+GeojsonTarget = Annotated[
+    Path | None, typer.Option("--geojson", help="Of a mission file: write its places as GeoJSON.")
+]
 PagePort = Annotated[
     int | None, typer.Option("--page", min=1, max=65535, help="Port of the page that shows it in a browser.")
 ]

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -99,3 +100,13 @@ def test_both_point_the_same_way(angle):
 )
 def test_wrapping(angle, wrapped):
     assert wrapped_angle(angle) == pytest.approx(wrapped)
+
+
+@given(frames, st.lists(st.tuples(lengths, lengths), min_size=1, max_size=5))
+def test_many_places_at_once_are_those_of_one_at_a_time(frame, points):
+    east, north = np.array(points).T
+    latitudes, longitudes = frame.places_from_local(east, north)
+    again = np.column_stack(frame.places_from_global(latitudes, longitudes))
+    assert again == pytest.approx(np.array(points), abs=1e-6)
+    for place, (latitude, longitude) in zip(again, zip(latitudes, longitudes, strict=True), strict=True):
+        assert frame.local_from_global(latitude, longitude, 0.0)[:2] == pytest.approx(tuple(place), abs=1e-9)

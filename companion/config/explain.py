@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from companion.config.models import MissionConfig
+from companion.config.sections.section_base import instead_of_metres
 from companion.config.source import Document, KeyPath
 from companion.errors import ConfigError
 
@@ -144,7 +145,7 @@ def _similarity(wanted: str, key: str) -> float:
 
 
 def _sections(model: type[BaseModel], path: str = "") -> Iterator[tuple[str, list[str]]]:
-    yield path, list(model.model_fields)
+    yield path, [*model.model_fields, *instead_of_metres(model)]
     for key, field in model.model_fields.items():
         kinds = (field.annotation, *get_args(field.annotation))
         for kind in kinds:

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from companion.config.checks import findings
 from companion.config.explain import explained
 from companion.config.models import MissionConfig
+from companion.config.sections.geographic_places import local_document
 from companion.config.source import SIZE_MAX, Document, parse
 from companion.errors import ConfigError
 from companion.safe_files import read_file
@@ -71,6 +72,7 @@ def mission_from_document(document: Document) -> MissionConfig:
     ConfigError
         For the first error found.
     """
+    document = local_document(document)
     try:
         config = MissionConfig.model_validate(document.data)
     except ValidationError as error:

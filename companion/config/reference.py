@@ -16,7 +16,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from companion.config.models import MissionConfig
-from companion.config.sections.section_base import Section
+from companion.config.sections.section_base import Section, instead_of_metres, section_in
 
 UNITS = {
     "_m_s2": "m/s²", "_rad_s": "rad/s", "_per_m": "1/m", "_m_s": "m/s", "_hz": "Hz", "_deg": "°",
@@ -29,9 +29,28 @@ One YAML file describes a mission: where the aircraft flies, its performance, it
 service may do. `companion check FILE` validates it and prints a summary; `--plot` draws it. An error names
 the file, the line, the key, the value and what was expected. Keys end in their units. Lengths are metres
 east, north and up of the origin; courses are degrees clockwise from north. An unknown key is an error, so
-that no misspelt key is ignored. `mission_configs/first-flight.yaml` is a template.
+that no misspelt key is ignored. `mission_configs/first-flight.yaml` is a template, `companion new` writes a
+file from four answers, and `companion import` makes one of [what you have](own-mission.md).
 
 This page is made from the code that validates the file (`make docs`).
+
+## Places
+
+A place may be written in three ways, mixed within a file as one likes. They are converted when the file is
+loaded, with the file's `origin`; a place must lie within 200 km of it. Heights (`up_m`, `base_m`, `top_m`)
+are always metres above the origin.
+
+| a place | written as |
+|---|---|
+| metres | `{east_m: 1750, north_m: 750}` |
+| degrees, WGS84 | `{latitude_deg: -35.356499, longitude_deg: 149.184484}` |
+| UTM, WGS84 | `{utm: {zone: 55H, easting_m: 698485, northing_m: 6085231}}` |
+| corners of a polygon | `polygon_lat_lon_deg: [[-35.3538, 149.1762], …]` in place of `polygon_enu_m` |
+| points of a route | `route_lat_lon_deg: [[-35.3538, 149.1762], …]` in place of `route_enu_m` |
+
+The letter of a UTM zone is that of its band, from C in the south to X in the north. `bounds` may have
+`latitude_deg: [south, north]` and `longitude_deg: [west, east]`: they become the largest box east and north
+that lies within these parallels and meridians.
 """
 
 
@@ -61,13 +80,16 @@ def _section(path: str, model: type[Section]) -> list[str]:
     lines += ["| key | unit | allowed | default | meaning |", "|---|---|---|---|---|"]
     inner: list[tuple[str, type[Section]]] = []
     for name, field in model.model_fields.items():
-        found = _model_in(field.annotation)
+        found = section_in(field.annotation)
         where = f"{path}.{name}" if path else name
         if found is not None:
             inner.append((where, found[0]))
         meaning = meanings(model)[name]
         cells = (f"`{name}`", _unit(name), _allowed(field, found, where), _default(field), meaning)
         lines.append("| " + " | ".join(cells) + " |")
+    if instead_of_metres(model):
+        keys = ", ".join(f"`{key}`" for key in instead_of_metres(model))
+        lines += ["", f"In place of metres east and north: {keys}; see [Places](#places)."]
     lines.append("")
     for where, found_model in inner:
         lines += _section(where, found_model)
@@ -76,17 +98,6 @@ def _section(path: str, model: type[Section]) -> list[str]:
 
 def _unit(name: str) -> str:
     return next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), "")
-
-
-def _model_in(annotation: Any) -> tuple[type[Section], bool] | None:  # noqa: ANN401
-    """Return the section that a key holds, and whether it holds a list of them."""
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        return annotation, False
-    for inner in get_args(annotation):
-        found = _model_in(inner)
-        if found is not None:
-            return found[0], found[1] or get_origin(annotation) is tuple
-    return None
 
 
 def _allowed(field: FieldInfo, found: tuple[type[Section], bool] | None, where: str) -> str:

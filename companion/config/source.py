@@ -70,12 +70,15 @@ class Document:
         Keys and values; lists are tuples.
     places : dict
         Line of each key or list entry, from 1, and start and end of its value in the text.
+    written : dict
+        Words for values that were computed from others, such as metres from degrees.
     """
 
     file: str
     text: str
     data: object
     places: dict[KeyPath, tuple[int, int, int]]
+    written: dict[KeyPath, str] = field(default_factory=dict)
 
     def line_of(self, path: KeyPath) -> int | None:
         """Return the line of a key, None if it is missing."""
@@ -97,6 +100,8 @@ class Document:
 
     def _excerpt(self, path: KeyPath) -> str:
         """Return the text of a key's value, shortened."""
+        if path in self.written:
+            return self.written[path]
         if path not in self.places:
             return "nothing"
         _, start, end = self.places[path]

@@ -179,7 +179,7 @@ def fence_obstacles(fences: Fences, bounds: Bounds) -> tuple[Obstacle, ...]:
         East, north, up of the mission's bounds, each low and high [m].
     """
     base, top = bounds[4] - ABOVE_AND_BELOW_M, bounds[5] + ABOVE_AND_BELOW_M
-    excluded = (points for zone in fences.exclusions for points in _simple(shapely.Polygon(zone)))
+    excluded = (points for zone in fences.exclusions for points in without_holes(shapely.Polygon(zone)))
     polygons = itertools.chain(excluded, _outside(fences.inclusions, bounds))
     walls = tuple(Obstacle(f"fence {n}", points, base, top) for n, points in enumerate(polygons, 1))
     if fences.ceiling_m is None or fences.ceiling_m >= bounds[5]:
@@ -193,7 +193,7 @@ def _outside(inclusions: Sequence[FloatArray], bounds: Bounds) -> Iterator[Float
     if not inclusions:
         return
     inside = shapely.intersection_all([shapely.Polygon(zone) for zone in inclusions])
-    yield from _simple(_with_rim(bounds).difference(inside))
+    yield from without_holes(_with_rim(bounds).difference(inside))
 
 
 def _with_rim(bounds: Bounds) -> shapely.Polygon:
@@ -202,7 +202,7 @@ def _with_rim(bounds: Bounds) -> shapely.Polygon:
     return shapely.box(bounds[0] - rim, bounds[2] - rim, bounds[1] + rim, bounds[3] + rim)
 
 
-def _simple(shape: shapely.Geometry) -> Iterator[FloatArray]:
+def without_holes(shape: shapely.Geometry) -> Iterator[FloatArray]:
     """Yield a shape as polygons (N, 2) [m] without holes: itself, or triangles if it has holes."""
     for part in shapely.get_parts(shape):
         if part.area < AREA_MIN_M2:

@@ -374,7 +374,11 @@ WORDS = (
     b"name:", b"origin:", b"bounds:", b"goals:", b"vehicle:", b"planning:", b"radars:", b"obstacles:",
     b"link:", b"east_m", b"north_m", b"up_m", b"!!timestamp ", b"!!int ", b"!!float ", b"&a ", b"*a",
     b"<<: ", b"? ", b"|\n", b"2026-13-45", b".inf",
+    b"latitude_deg", b"longitude_deg", b"polygon_lat_lon_deg",
+    b"utm: {zone: 55H, easting_m: 698485, northing_m: 6085231}",
 )  # fmt: skip
+
+MISSION_MODULES = ("source", "load", "explain", "checks", "rules", "models", "sections.geographic_places")
 
 MISSION_TARGETS = (
     Target(
@@ -394,9 +398,7 @@ MISSION_TARGETS = (
         "mission_file",
         check_mission_file,
         work_mission_file,
-        tuple(
-            f"companion.config.{name}" for name in ("source", "load", "explain", "checks", "rules", "models")
-        ),
+        tuple(f"companion.config.{name}" for name in MISSION_MODULES),
         length_max=2048,
         words=WORDS,
     ),

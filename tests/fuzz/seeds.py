@@ -4,13 +4,16 @@ Inputs whose names begin with ``regression`` or ``found`` are left alone: they w
 """
 
 import hashlib
+import io
 import itertools
 import shutil
+import zipfile
 from pathlib import Path
 
 from companion.link.wire.framing import raw_frame
 from companion.link.wire.tlog import read_tlog
 from tests.fuzz.file_targets import MAGIC
+from tests.fuzz.import_targets import ENDINGS
 from tests.fuzz.link_targets import LISTENED
 from tests.fuzz.mission_targets import (
     AGAIN,
@@ -144,6 +147,36 @@ def tlog_seeds():
     yield bytes((1,)) + bytes(8) + bytes((4, 20)) + bytes(range(20)) + script
 
 
+def import_seeds():
+    """A small file of each format, and one of each that is broken at a place that matters."""
+    place = b"-35.35 149.18 80"
+    waypoints = b"QGC WPL 110\n0 1 0 16 0 0 0 0 -35.36 149.16 584 1\n1 0 3 16 0 0 0 0 " + place + b" 1\n"
+    fence = b"QGC WPL 110\n" + b"".join(
+        b"%d 0 3 5001 3 0 0 0 -35.3%d 149.1 0 1\n" % (n, n) for n in (1, 2, 3)
+    )
+    point = b"<Point><coordinates>149.18,-35.35</coordinates></Point>"
+    kml = b"<kml><Folder><name>Goals</name><Placemark>" + point + b"</Placemark></Folder></kml>"
+    gpx = b'<gpx version="1.1"><rte><rtept lat="-35.35" lon="149.18"><ele>700</ele></rtept></rte></gpx>'
+    feature = b'{"type":"Feature","properties":{"kind":"goal","up_m":90},"geometry":'
+    geojson = feature + b'{"type":"Point","coordinates":[149.18,-35.35]}}'
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as target:
+        target.writestr(zipfile.ZipInfo("doc.kml"), kml)
+    files = {
+        ".plan": [(TESTS.parent / "docs" / "own-mission" / "field.plan").read_bytes()],
+        ".waypoints": [waypoints, fence],
+        ".kml": [kml, b"<!DOCTYPE kml><kml/>"],
+        ".kmz": [archive.getvalue()],
+        ".geojson": [geojson, geojson.replace(b"-35.35", b"95")],
+        ".gpx": [gpx],
+        ".csv": [(TESTS.parent / "docs" / "own-mission" / "radars.csv").read_bytes()],
+    }
+    for ending, contents in files.items():
+        for content in contents:
+            text = b" ".join(content.split()) if ending == ".plan" else content
+            yield bytes((ENDINGS.index(ending),)) + text
+
+
 def all_seeds():
     """Inputs by target."""
     return {
@@ -153,6 +186,7 @@ def all_seeds():
         "transfer": transfer_seeds(),
         "sniffer": exchange_seeds(),
         "mission_file": mission_seeds(),
+        "import": import_seeds(),
         "mcap": mcap_seeds(),
         "tlog": tlog_seeds(),
     }

@@ -50,10 +50,13 @@ class Target:
 def all_targets():
     """Targets by name. Imported when asked, so that the fuzzer can watch what they import."""
     from tests.fuzz.file_targets import FILE_TARGETS  # noqa: PLC0415
+    from tests.fuzz.import_targets import IMPORT_TARGETS  # noqa: PLC0415
     from tests.fuzz.link_targets import LINK_TARGETS  # noqa: PLC0415
     from tests.fuzz.mission_targets import MISSION_TARGETS  # noqa: PLC0415
 
-    return {target.name: target for target in (*LINK_TARGETS, *MISSION_TARGETS, *FILE_TARGETS)}
+    return {
+        target.name: target for target in (*LINK_TARGETS, *MISSION_TARGETS, *IMPORT_TARGETS, *FILE_TARGETS)
+    }
 
 
 def corpus_of(name, folder=CORPUS):
