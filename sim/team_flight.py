@@ -49,6 +49,8 @@ class TeamFlight:
         Which autopilots fly.
     folder : Path or None
         Folder of the recordings, one for each member.
+    shares : bool
+        Whether they share their plans; otherwise each flies as if it were alone.
 
     Attributes
     ----------
@@ -65,22 +67,26 @@ class TeamFlight:
     seed: int
     dialect: Dialect = Dialect.ARDUPILOT
     folder: Path | None = None
+    shares: bool = True
     flights: list[Flight] = field(init=False)
     radio: Radio = field(init=False)
     least_m: dict[tuple[int, int], tuple[float, float, float]] = field(init=False, default_factory=dict)
     arrived_s: dict[int, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
+        missions = team_missions(self.mission, self.num)
+        self._team = missions[0].team or TeamConfig(members=(1, 2))
         self.flights = [
             Flight(
-                mission, self.seed + 1000 * number, self._folder_of(number), self.dialect, system_id=number
+                mission if self.shares else mission.model_copy(update={"team": None}),
+                self.seed + 1000 * number, self._folder_of(number), self.dialect, system_id=number,
             )
-            for number, mission in enumerate(team_missions(self.mission, self.num), 1)
-        ]
+            for number, mission in enumerate(missions, 1)
+        ]  # fmt: skip
         weather = self.mission.simulation
         self.radio = Radio(
             [flight.simulator for flight in self.flights], range_m=weather.radio_range_m,
-            loss=weather.radio_loss, delay_s=weather.radio_delay_s, seed=self.seed,
+            loss=weather.radio_loss if self.shares else 1.0, delay_s=weather.radio_delay_s, seed=self.seed,
         )  # fmt: skip
 
     def _folder_of(self, number: int) -> Path | None:
@@ -89,8 +95,7 @@ class TeamFlight:
     @property
     def is_separate(self) -> bool:
         """Whether no two members ever came closer than both distances of the team."""
-        config = self.flights[0].mission.team
-        assert config is not None
+        config = self._team
         return all(flat >= config.apart_m or up >= config.apart_up_m for flat, up, _ in self.least_m.values())
 
     @property
@@ -119,8 +124,7 @@ class TeamFlight:
     def _measure(self, now_s: float) -> None:
         """Note how near any two members are, once both have taken off."""
         places = np.array([flight.simulator.truth.path[-1][1:4] for flight in self.flights])
-        config = self.flights[0].mission.team
-        assert config is not None
+        config = self._team
         for one, other in itertools.combinations(range(len(places)), 2):
             away = places[one] - places[other]
             flat, up = math.hypot(away[0], away[1]), abs(float(away[2]))

@@ -290,7 +290,7 @@ class Simulation(Section):
     radio_range_m: Length = 100_000.0
     """Range of a team's radio."""
     radio_loss: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    """Share of a team's messages that are lost; with 1 the members know nothing of each other."""
+    """Share of a team's messages that are lost; with 1 the members wait until they count each other lost."""
     radio_delay_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.5
     """Largest delay of a team's messages."""
 

@@ -220,7 +220,9 @@ class TeamExchange:
     # --- where the others will be
 
     def with_members(self, tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
-        """Return tracks in which members fly what they told; one that does not is an aircraft that passes.
+        """Return tracks in which members fly what they told.
+
+        One that is lost, is off its path or told nothing is an aircraft that passes, too.
 
         Parameters
         ----------
@@ -243,17 +245,16 @@ class TeamExchange:
                 others.append(track)
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
-        told = {plan.member: plan for plan in agreement.plans_to_clear()}
-        for member in agreement.members_deviating(now_s + ahead_s) | agreement.members_lost(now_s + ahead_s):
-            told.pop(member, None)
+        plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
+        as_told = {plan.member for plan in plans}
+        as_told -= agreement.members_deviating(utc_s) | agreement.members_lost(utc_s)
         others += [
             replace(track, max_threat_radius_m=reach_m, flies_on=True, is_airborne=True, clear_up_m=up_m)
             for member, track in sighted.items()
-            if member not in told
+            if member not in as_told
         ]
-        for plan in agreement.plans_to_clear():
-            if plan.member in told:
-                others += _on_plan(plan, now_s, ahead_s, reach_m, up_m)
+        for plan in plans:
+            others += _on_plan(plan, now_s, ahead_s, reach_m, up_m)
         return tuple(sorted(others, key=lambda track: track.identity))
 
 

@@ -1,0 +1,219 @@
+"""What the service knows of a team: UTC, the plan that it proposes, and where the others will be."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from companion.clock import ManualClock
+from companion.config.sections.team_section import TeamConfig
+from companion.flight.exchange.team_exchange import TeamExchange, UtcClock
+from companion.flight.state.decision import Verdict
+from companion.mission.waypoints import Waypoints
+from companion.team.agreement import Agreement, Outcome
+from companion.team.shared_plan import SharedPlan
+from companion.team.team_settings import TeamSettings
+from companion.types.events import ClockReported, TeamMessage
+from companion.types.threat import TrackState
+from tests.support.paths import path_of
+from tests.team.team_plans import FRAME
+
+AHEAD_S = 1.9e9  # UTC less the clock
+TEAM = TeamConfig(members=(1, 2, 3), apart_m=100.0, apart_up_m=30.0, tolerance_m=50.0, tolerance_up_m=10.0)
+
+
+class Team:
+    """The exchange of system 1, with stand-ins for the rest of the service."""
+
+    def __init__(self, team=TEAM):
+        self.clock, self.sent, self.told = ManualClock(), [], []
+        self.state = SimpleNamespace(
+            mission=SimpleNamespace(team=team, frame=FRAME), flown=None, turn_radius_m=80.0
+        )
+        own = SimpleNamespace(position_enu_m=(0.0, 0.0, 100.0), airspeed_m_s=20.0)
+        codec = SimpleNamespace(vehicle_system_id=1, team_message=lambda payload: payload)
+        self.exchange = TeamExchange(
+            SimpleNamespace(state=self.state), SimpleNamespace(state=lambda _now: own),
+            SimpleNamespace(codec=codec, send=self.sent.append), self.clock,
+            SimpleNamespace(decide=lambda kind, text, **_more: self.told.append(text)),
+        )  # fmt: skip
+        self.others = {}
+
+    def begin(self):
+        self.exchange.take(ClockReported(0.0, AHEAD_S))
+        settings = TeamSettings(apart_m=100.0, apart_up_m=30.0, lost_after_s=60.0)
+        self.others = {
+            member: Agreement(member, TEAM.members, FRAME, settings, started_s=AHEAD_S) for member in (2, 3)
+        }
+        return self
+
+    def talk(self, until_s, without=()):
+        """Everybody hears everybody, twice a second."""
+        while self.clock.now_s() < until_s:
+            self.clock.advance_to(self.clock.now_s() + 0.5)
+            utc_s = self.clock.now_s() + AHEAD_S
+            self.exchange.keep_up()
+            said = [(1, payload) for payload in self.sent]
+            self.sent.clear()
+            for member, other in self.others.items():
+                if member not in without:
+                    said += [(member, payload) for payload in other.outgoing(utc_s)]
+            for sender, payload in said:
+                for member, other in self.others.items():
+                    if member not in (sender, *without):
+                        other.receive(sender, payload, utc_s)
+                if sender != 1:
+                    self.exchange.take(TeamMessage(self.clock.now_s(), sender, payload))
+
+
+def mission(*places, start_s=10.0, verdict=Verdict.FIRST_PLAN):
+    """A mission from ``start_s`` on through places at 20 m/s, with a circle of 80 m about the last one."""
+    steps = np.linalg.norm(np.diff(np.array(places), axis=0), axis=1)
+    times = start_s + np.concatenate([[0.0], np.cumsum(steps / 20.0)])
+    path = path_of(times, np.array(places), np.full(len(places), 0.5 * math.pi))
+    end = np.array(places[-1], dtype=float)
+    return SimpleNamespace(
+        path=path, covered_until_s=float(path.times_s[-1]), verdict=verdict,
+        start=SimpleNamespace(state=SimpleNamespace(stamp_s=start_s)),
+        waypoints=Waypoints(end[None], np.zeros(1), 20.0, end, 80.0),
+    )  # fmt: skip
+
+
+AHEAD = ((200.0, 0.0, 100.0), (1200.0, 0.0, 100.0))
+
+
+def test_the_earliest_report_of_the_time_counts():
+    """Reports that are 0.3 and 0.1 s late say 100 s; the next, 0.5 s late, changes nothing but the drift."""
+    utc = UtcClock()
+    for stamp_s, late_s in ((10.0, 0.3), (11.0, 0.1), (12.0, 0.5)):
+        utc.note(ClockReported(stamp_s + late_s, stamp_s + 100.0))
+    assert utc.ahead_s == pytest.approx(100.0 - 0.1 - 1.4e-4)
+
+
+def test_without_a_team_or_utc_nobody_is_asked():
+    for team in (Team(None), Team()):
+        if team.state.mission.team is None:
+            team.begin()
+        assert team.exchange.propose(mission(*AHEAD)) == ""
+        assert team.exchange.is_given
+        team.exchange.keep_up()
+        assert team.sent == []
+
+
+def test_a_system_that_is_no_member_asks_nobody():
+    team = Team(TeamConfig(members=(2, 3)))
+    team.exchange.take(ClockReported(0.0, AHEAD_S))
+    assert team.exchange.agreement is None
+
+
+def test_a_mission_may_be_entered_once_all_have_approved_and_is_committed_once_it_is_flown():
+    team = Team().begin()
+    assert team.exchange.propose(mission(*AHEAD)) == ""
+    assert not team.exchange.is_given
+    team.talk(4.0)
+    assert team.exchange.is_given
+    assert team.exchange.agreement.committed is None
+    team.exchange.hold()
+    team.talk(30.0)  # The autopilot has not answered for a long while: the proposal is still kept clear of.
+    assert team.exchange.is_given
+    assert [plan.member for plan in team.others[2].plans_to_clear()] == [1]
+    team.exchange.end(is_flown=True)
+    told = team.exchange.agreement.committed
+    assert told.radius_m == pytest.approx(80.0)
+    assert told.place_at(AHEAD_S + 10.0 + 20.0) == pytest.approx((600.0, 0.0, 100.0), abs=3.0)
+    assert told.place_at(AHEAD_S + 500.0) == pytest.approx((1200.0, 0.0, 100.0), abs=1.0)
+    assert told.end_s == pytest.approx(AHEAD_S + 10.0 + (1000.0 - 80.0) / 20.0, abs=0.2)  # where it enters
+
+
+def test_what_is_not_approved_in_time_may_not_be_entered():
+    team = Team().begin()
+    team.exchange.propose(mission(*AHEAD))
+    team.talk(9.0, without=(3,))
+    assert not team.exchange.is_given
+    assert team.exchange.refusal == ""
+    team.talk(11.0, without=(3,))
+    assert team.exchange.refusal == "not approved in time"
+    team.exchange.end(is_flown=False)
+    assert team.exchange.is_given
+
+
+def crossing(team, member=2):
+    """Let a member commit a path over (700, 0) at 35 s, from south to north."""
+    times = AHEAD_S + np.array([0.0, 35.0, 70.0])
+    rows = np.column_stack([times, [700.0] * 3, [-700.0, 0.0, 700.0], [100.0] * 3])
+    team.others[member].propose(SharedPlan(member, 0, rows, 80.0, 50.0, 10.0), AHEAD_S + team.clock.now_s())
+
+
+def test_a_path_that_conflicts_with_anothers_is_not_even_proposed():
+    team = Team().begin()
+    crossing(team)
+    team.talk(5.0)
+    assert team.exchange.propose(mission(*AHEAD)) == "the path of system 2"
+    assert team.exchange.refusal == "refused by system 2"
+
+
+def test_the_others_are_where_they_told_and_in_their_circles_then():
+    team = Team().begin()
+    crossing(team)
+    team.talk(5.0)
+    flies, circles = team.exchange.with_members((), 5.0)
+    assert (flies.identity, circles.identity) == ("system:2", "system:2 circle")
+    assert flies.keeps_route
+    assert flies.flies_on
+    assert (flies.max_threat_radius_m, flies.clear_up_m) == (210.0, 50.0)
+    at = AHEAD_S + np.array([35.0, 200.0]) - AHEAD_S
+    assert flies.places_enu_m(at[:1])[0] == pytest.approx([700.0, 0.0, 100.0], abs=5.0)
+    assert flies.places_enu_m(at[1:])[0, 2] > 1000.0  # out of the way, for it is in its circle
+    assert circles.places_enu_m(at[1:])[0] == pytest.approx([700.0, 700.0, 100.0], abs=1.0)
+    assert circles.max_threat_radius_m == pytest.approx(290.0, abs=0.2)
+    (_, later) = team.exchange.with_members((), 300.0)  # It is lost by then, and its path counts still.
+    assert later.places_enu_m(np.array([300.0]))[0] == pytest.approx([700.0, 700.0, 100.0], abs=1.0)
+
+
+def sighted(place, stamp_s):
+    return TrackState(
+        stamp_s, "system:2", place, (0.0, 20.0, 0.0), np.eye(4), 30.0, 250.0, 50.0, True, stamp_s
+    )
+
+
+def test_a_member_that_is_not_where_it_told_is_an_aircraft_that_passes():
+    team = Team().begin()
+    crossing(team)
+    team.talk(5.0)
+    on_path = sighted((700.0, -600.0, 100.0), 5.0)
+    assert len(team.exchange.with_members((on_path,), 5.0)) == 2
+    for now_s in np.arange(5.0, 12.0):
+        found = team.exchange.with_members((sighted((300.0, -600.0, 100.0), now_s),), now_s)
+    (off,) = (track for track in found if not track.keeps_route)
+    assert len(found) == 3
+    assert off.position_enu_m[0] == 300.0
+    assert off.flies_on
+    assert off.max_threat_radius_m == 210.0
+
+
+def test_other_vehicles_stay_as_they_were_sighted():
+    team = Team().begin()
+    team.talk(1.0)
+    stranger = sighted((0.0, 0.0, 0.0), 1.0)
+    for identity in ("icao:00ABCD", "system:9"):
+        other = replace(stranger, identity=identity)
+        assert team.exchange.with_members((other,), 1.0) == (other,)
+
+
+def test_the_pilot_is_told_of_a_member_that_is_lost_and_of_its_return():
+    team = Team().begin()
+    team.talk(30.0)
+    team.talk(95.0, without=(3,))
+    assert team.told == ["system 3 is lost"]
+    assert team.exchange.agreement.outcome() is Outcome.NONE
+    team.talk(110.0)
+    assert team.told == ["system 3 is lost", "system 3 is received"]
+
+
+def test_an_emergency_goes_before_the_proposals_of_others():
+    team = Team().begin()
+    team.exchange.propose(mission(*AHEAD, verdict=Verdict.EMERGENCY))
+    assert team.exchange.agreement.proposed.is_emergency
+    assert math.isfinite(team.exchange.agreement.proposed.end_s)

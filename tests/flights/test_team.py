@@ -1,0 +1,66 @@
+"""Two aircraft fly towards each other: with a team they pass apart, without one they nearly meet."""
+
+import pytest
+
+from companion.config import load_mission, mission_from_text
+from companion.types.events import Dialect
+from sim.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
+from tests.flight.replanning.test_surprise import LONG
+from tests.flight.test_geofences import BOTH
+from tests.sim.client import CONFIGS
+
+
+def flown(mission, num, loss, dialect=Dialect.PX4, seed=1, *, shares=True):
+    weather = mission.simulation.model_copy(update={"radio_loss": loss})
+    team = TeamFlight(mission.model_copy(update={"simulation": weather}), num, seed, dialect, shares=shares)
+    fly_team(team)
+    return team
+
+
+@BOTH
+def test_two_that_fly_towards_each_other_agree_to_pass_apart(dialect):
+    team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.2, dialect)
+    assert sorted(team.arrived_s) == [1, 2]
+    assert team.is_separate
+    assert not team.has_hit
+    nearest_m = team.summary()["nearest_m"]
+    assert nearest_m > 60.0
+    for flight in team.flights:
+        assert flight.app.replanning.team.agreement.committed is not None
+        assert not any("heard, too" in decision.text for decision in flight.recorder.decisions)
+
+
+def test_without_messages_they_nearly_meet():
+    team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.0, shares=False)
+    assert not team.is_separate
+    assert team.summary()["nearest_m"] < 60.0
+
+
+@pytest.mark.slow
+@BOTH
+def test_four_pass_the_gaps_of_the_bug_trap(dialect):
+    team = flown(load_mission(CONFIGS / "paper-2d.yaml"), 4, 0.2, dialect, seed=2)
+    assert sorted(team.arrived_s) == [1, 2, 3, 4]
+    assert team.is_separate
+    assert not team.has_hit
+
+
+def test_members_start_and_end_apart_and_every_other_one_flies_back():
+    mission = load_mission(CONFIGS / "paper-2d.yaml")
+    missions = team_missions(mission, 5)
+    assert [one.team.members for one in missions] == [(1, 2, 3, 4, 5)] * 5
+    starts = [(one.start.east_m, one.start.north_m) for one in missions]
+    goals = [(one.goals[0].east_m, one.goals[0].north_m) for one in missions]
+    for places, least_m in ((starts, 1.5 * 180.0), (goals, 2.0 * 1.3 * 125.0 + 180.0)):
+        for index, (east, north) in enumerate(places):
+            for there in places[:index]:
+                assert ((east - there[0]) ** 2 + (north - there[1]) ** 2) ** 0.5 >= least_m or (
+                    places is starts and index % 2 != places.index(there) % 2
+                )
+    assert {one.name for one in missions} == {f"paper-2d-{number}" for number in range(1, 6)}
+    assert starts[0] == (250.0, 2250.0)
+
+
+def test_a_world_without_room_for_all_is_refused():
+    with pytest.raises(NoPlaceError, match="no free places for 20 circles"):
+        team_missions(load_mission(CONFIGS / "first-flight.yaml"), 40)
