@@ -19,11 +19,11 @@ class TeamConfig(Section):
 
     members: Annotated[tuple[SystemId, ...], Field(min_length=2, max_length=128)]
     """MAVLink system ids of all members' autopilots."""
-    apart_m: Metres = 60.0
+    apart_m: Metres = 40.0
     """Horizontal distance between two members, besides what both tolerances take."""
     apart_up_m: Metres = 20.0
     """Vertical distance that suffices where the horizontal one is not kept."""
-    tolerance_m: Metres = 60.0
+    tolerance_m: Metres = 50.0
     """Each member promises to be this close to its told path at every time, horizontally."""
     tolerance_up_m: Metres = 10.0
     """The same vertically."""
