@@ -182,6 +182,7 @@ def fly(seed: int, scene: Scene) -> RunRow:
                 radio.send(n, payload, step, places_m)
     flown = [Flown(member.circling, member.way) for member in members]
     straight_s = np.array([_straight(m.circling, m.ways)[-1, 0] for m in members if m.way is not None])
+    agreed_s = [member.agreed_s for member in members if member.way is not None]
     arrived_s = np.array([member.arrives_s for member in members if member.way is not None])
     return RunRow(
         seed, scene.num_aircraft, True, len(_pairs_lost(scene, flown, now_s, rng)),
@@ -189,8 +190,8 @@ def fly(seed: int, scene: Scene) -> RunRow:
         flight_s=now_s,
         bytes_s=round(float(radio.sent_bytes.mean()) / now_s, 2),
         bytes_s_max=round(float(radio.sent_bytes.max()) / now_s, 2),
-        agreed_s=round(float(np.nanmedian([member.agreed_s for member in members])), 2),
-        late_s=round(float((arrived_s - straight_s).mean()), 2),
+        agreed_s=round(float(np.median(agreed_s)), 2) if agreed_s else 0.0,
+        late_s=round(float((arrived_s - straight_s).mean()), 2) if agreed_s else 0.0,
         proposals=sum(member.proposals for member in members),
         refused=sum(member.refused for member in members),
         withdrawn=sum(member.withdrawn for member in members),

@@ -1,8 +1,8 @@
 """Every order in which three members can hear, miss, hear late and hear twice what each other said.
 
-The members are the program's own. A state is what each of them knows, and all payloads that were ever sent. Any
-of these may arrive at any member next, or never. So losses, delays, copies and all orders are among the ways
-through the states. A state that was met before is not looked at again.
+The members are the program's own. A state is what each of them knows, and all payloads that were ever sent.
+Any of these may arrive at any member next, or never. So losses, delays, copies and all orders are among the
+ways through the states. A state that was met before is not looked at again.
 
 A payload says several things, which a member takes in one after the other. Here each of them arrives by
 itself. That allows all that whole payloads do, and more, with far fewer states. What asks others to repeat

@@ -1,4 +1,4 @@
-"""No order of messages makes three members break the agreement; members with a fault do, and are found out."""
+"""No order of messages makes three members break the agreement; members with a fault are found out."""
 
 import itertools
 from dataclasses import replace
