@@ -15,7 +15,9 @@ from sim.team.scenes import Scene
 
 OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the way, as shares of its length.
 TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.
-ROUNDING_M = 1.0  # The plan that is told has tolerances larger by less than this.
+# The plan that is told has larger tolerances, for what is rounded and left out. A way that is clear by less
+# would be refused, again and again.
+ROUNDING_M, ROUNDING_UP_M = 5.0, 2.5
 LEVEL_COST_S = 5.0  # A level more is as good as so much time on the way.
 
 
@@ -159,7 +161,7 @@ def first_clear(
     for way in ways:
         rows = np.vstack([[now_s, *circling.centre], way])
         plan = SharedPlan(
-            0, 0, rows, scene.radius_m, scene.tolerance_m + ROUNDING_M, scene.tolerance_up_m + ROUNDING_M,
+            0, 0, rows, scene.radius_m, scene.tolerance_m + ROUNDING_M, scene.tolerance_up_m + ROUNDING_UP_M,
             first_radius_m=scene.radius_m,
         )  # fmt: skip
         if packed.first_conflict(plan, now_s) is None:
