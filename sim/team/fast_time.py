@@ -179,12 +179,19 @@ def fly(seed: int, scene: Scene) -> RunRow:
         bytes_s_max=round(float(radio.sent_bytes.max()) / now_s, 2),
         agreed_s=round(float(np.median([member.agreed_s for member in arrived] or [0.0])), 2),
         late_s=round(float(np.mean(late_s or [0.0])), 2),
-        proposals=sum(member.proposals for member in members),
-        refused=sum(member.refused for member in members),
-        withdrawn=sum(member.withdrawn for member in members),
-        counted_lost=sum(len(member.agreement.members_lost(BEGIN_S + now_s)) for member in members),
         wall_s=round(time.perf_counter() - began_s, 2),
+        **_counts(members, now_s),
     )  # fmt: skip
+
+
+def _counts(members: list[TeamMember], now_s: float) -> dict[str, int]:
+    """Return what all members together counted."""
+    return {
+        "proposals": sum(member.proposals for member in members),
+        "refused": sum(member.refused for member in members),
+        "withdrawn": sum(member.withdrawn for member in members),
+        "counted_lost": sum(len(member.agreement.members_lost(BEGIN_S + now_s)) for member in members),
+    }
 
 
 def _pass_time(scene: Scene, members: list[TeamMember], radio: TeamRadio) -> float:
