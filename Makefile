@@ -10,6 +10,8 @@ MISSION ?= mission_configs/paper-3d.yaml
 FLAGS ?=
 N ?= 1000
 MINUTES ?= 120
+RUNS ?= 10
+AIRCRAFT ?= 128
 SEEDS ?= 2
 # Which mutants are drawn.
 SEED ?= 1
@@ -120,6 +122,10 @@ bench: $(STAMP) ## measure what must be fast, against the stored baseline or the
 .PHONY: energy
 energy: $(STAMP) ## fly N with a worn battery, with and without the section energy; prints how many come home
 	$(BIN)/python -m tests.energy -n $(if $(filter file,$(origin N)),100,$(N)) --jobs $(patsubst logical,1,$(JOBS))
+
+.PHONY: team-fast
+team-fast: $(STAMP) ## fly RUNS teams of AIRCRAFT that share their plans, in fast time; FLAGS=--straight: that do not
+	$(BIN)/python -m sim.team --runs $(RUNS) --aircraft $(AIRCRAFT) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
 reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
 	$(BIN)/python -m tests.proofs.pursuits

@@ -78,6 +78,6 @@ _.cause, _.action
 # When a placed track passes, for its tests.
 _.meets_s
 
-# What a service asks of a team, which sim/team flies and nothing in companion calls yet.
-_.Agreement, _.propose, _.outgoing, _.members_deviating, _.members_in_conflict, _.PAYLOAD_TYPE
-_.PackedPlans, _.entering_circle
+# What a service asks of a team, which only the tests do yet; and columns of the rows of sim/team.
+_.members_deviating, _.members_in_conflict, _.PAYLOAD_TYPE
+_.shared, _.flight_s, _.bytes_s_max, _.counted_lost

@@ -158,6 +158,7 @@ def entering_circle(rows: FloatArray, radius_m: float) -> FloatArray:
     """Return a path that ends at the centre of a circle as one that ends where it enters the circle.
 
     An autopilot that is sent to a circle about a place turns into the circle before it reaches that place.
+    The path has to be at the circle's height there: a step in height would have to be in the tolerance.
 
     Parameters
     ----------

@@ -15,7 +15,10 @@ from sim.team.scenes import Scene
 
 OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the way, as shares of its length.
 TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.
-ROUNDING_M = 1.0  # The plan that is told has tolerances larger by less than this.
+# The plan that is told has larger tolerances, for what is rounded and left out. A way that is clear by less
+# would be refused, again and again.
+ROUNDING_M, ROUNDING_UP_M = 5.0, 2.5
+LEVEL_M = 100.0  # The last part of a way is at the height of the circle, and longer than its radius.
 LEVEL_COST_S = 5.0  # A level more is as good as so much time on the way.
 
 
@@ -104,9 +107,9 @@ def candidates(circling: Circling, ways: list[Way], leaves_after_s: float) -> It
     leaves_after_s : float
         The aircraft stays in its circle until then [s].
 
-    Yields
-    ------
-    ndarray, shape (M, 4)
+    Returns
+    -------
+    iterator of ndarray, each of shape (M, 4)
         Time [s], east, north, up [m] of a way.
     """
     turn_s = 2.0 * math.pi / circling.rate_rad_s
@@ -122,13 +125,14 @@ def candidates(circling: Circling, ways: list[Way], leaves_after_s: float) -> It
 def _with_heights(places: FloatArray, ups: tuple[float, float, float], climb: float) -> FloatArray | None:
     """Return ``places`` (M, 2) with heights, (K, 3): a climb, level flight, a descent; None if too short."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
-    begin, end = abs(ups[1] - ups[0]) / climb, along[-1] - abs(ups[2] - ups[1]) / climb
+    level = along[-1] - LEVEL_M
+    begin, end = abs(ups[1] - ups[0]) / climb, level - abs(ups[2] - ups[1]) / climb
     if begin > end:
         return None
-    at = np.unique(np.concatenate([along, [begin, end]]))
+    at = np.unique(np.concatenate([along, [begin, end, level]]))
     at = at[np.concatenate([[True], np.diff(at) > 1.0])]
     at[-1] = along[-1]
-    bends = [0.0, begin, max(end, begin + 1e-6), along[-1] + 1e-5]
+    bends = [0.0, begin, max(end, begin + 1e-6), level + 1e-5]
     east, north = np.interp(at, along, places[:, 0]), np.interp(at, along, places[:, 1])
     return np.column_stack([east, north, np.interp(at, bends, [ups[0], ups[1], ups[1], ups[2]])])
 
@@ -159,7 +163,7 @@ def first_clear(
     for way in ways:
         rows = np.vstack([[now_s, *circling.centre], way])
         plan = SharedPlan(
-            0, 0, rows, scene.radius_m, scene.tolerance_m + ROUNDING_M, scene.tolerance_up_m + ROUNDING_M,
+            0, 0, rows, scene.radius_m, scene.tolerance_m + ROUNDING_M, scene.tolerance_up_m + ROUNDING_UP_M,
             first_radius_m=scene.radius_m,
         )  # fmt: skip
         if packed.first_conflict(plan, now_s) is None:

@@ -56,7 +56,7 @@ class RunRow:
     shared: bool
     pairs_lost: int
     flight_s: float
-    wall_s: float
+    wall_s: float = 0.0
     blocked: int = 0
     bytes_s: float = 0.0
     bytes_s_max: float = 0.0
@@ -168,6 +168,34 @@ def fly(seed: int, scene: Scene) -> RunRow:
         for n, (circling, goal) in enumerate(zip(circlings, goals, strict=True))
     ]
     radio = TeamRadio(scene, STEP_S, rng)
+    now_s = _pass_time(scene, members, radio)
+    flown = [Flown(member.circling, member.way) for member in members]
+    arrived = [member for member in members if member.way is not None]
+    late_s = [member.arrives_s - float(_straight(member.circling, member.ways)[-1, 0]) for member in arrived]
+    return RunRow(
+        seed, scene.num_aircraft, True, len(_pairs_lost(scene, flown, now_s, rng)), now_s,
+        blocked=len(members) - len(arrived),
+        bytes_s=round(float(radio.sent_bytes.mean()) / now_s, 2),
+        bytes_s_max=round(float(radio.sent_bytes.max()) / now_s, 2),
+        agreed_s=round(float(np.median([member.agreed_s for member in arrived] or [0.0])), 2),
+        late_s=round(float(np.mean(late_s or [0.0])), 2),
+        wall_s=round(time.perf_counter() - began_s, 2),
+        **_counts(members, now_s),
+    )  # fmt: skip
+
+
+def _counts(members: list[TeamMember], now_s: float) -> dict[str, int]:
+    """Return what all members together counted."""
+    return {
+        "proposals": sum(member.proposals for member in members),
+        "refused": sum(member.refused for member in members),
+        "withdrawn": sum(member.withdrawn for member in members),
+        "counted_lost": sum(len(member.agreement.members_lost(BEGIN_S + now_s)) for member in members),
+    }
+
+
+def _pass_time(scene: Scene, members: list[TeamMember], radio: TeamRadio) -> float:
+    """Let everybody receive, think and send until all have arrived; returns when that is [s]."""
     step, now_s = 0, 0.0
     places_m = np.array([member.place_at(0.0) for member in members])
     while now_s < scene.end_s and now_s < max(member.arrives_s for member in members) + 10.0:
@@ -180,23 +208,7 @@ def fly(seed: int, scene: Scene) -> RunRow:
             members[n].think(now_s)
             for payload in members[n].agreement.outgoing(BEGIN_S + now_s):
                 radio.send(n, payload, step, places_m)
-    flown = [Flown(member.circling, member.way) for member in members]
-    straight_s = np.array([_straight(m.circling, m.ways)[-1, 0] for m in members if m.way is not None])
-    arrived_s = np.array([member.arrives_s for member in members if member.way is not None])
-    return RunRow(
-        seed, scene.num_aircraft, True, len(_pairs_lost(scene, flown, now_s, rng)),
-        blocked=sum(member.way is None for member in members),
-        flight_s=now_s,
-        bytes_s=round(float(radio.sent_bytes.mean()) / now_s, 2),
-        bytes_s_max=round(float(radio.sent_bytes.max()) / now_s, 2),
-        agreed_s=round(float(np.nanmedian([member.agreed_s for member in members])), 2),
-        late_s=round(float((arrived_s - straight_s).mean()), 2),
-        proposals=sum(member.proposals for member in members),
-        refused=sum(member.refused for member in members),
-        withdrawn=sum(member.withdrawn for member in members),
-        counted_lost=sum(len(member.agreement.members_lost(BEGIN_S + now_s)) for member in members),
-        wall_s=round(time.perf_counter() - began_s, 2),
-    )  # fmt: skip
+    return now_s
 
 
 def fly_straight(seed: int, scene: Scene) -> RunRow:

@@ -12,7 +12,7 @@ from companion.team.team_settings import TeamSettings
 FRAME = LocalFrame(47.4, 8.5, 450.0)
 SPACING_M = 40.0  # Between the edges of two circles, beside what has to be kept.
 DRAWS_MAX = 100_000
-WAY_MIN_M = 4000.0  # Long enough to climb from the lowest level to the highest.
+WAY_MIN = 1.0 / 3.0  # Shortest way to a goal, as a share of the side of the square.
 SETTINGS = TeamSettings(apart_m=60.0, apart_up_m=25.0)
 
 
@@ -80,7 +80,7 @@ def starts_and_goals(scene: Scene, rng: np.random.Generator) -> tuple[FloatArray
     """
     starts, goals = circles(scene, rng), circles(scene, rng)
     for _ in range(DRAWS_MAX):
-        near = np.flatnonzero(np.hypot(*(goals - starts)[:, :2].T) < WAY_MIN_M)
+        near = np.flatnonzero(np.hypot(*(goals - starts)[:, :2].T) < WAY_MIN * scene.side_m)
         if not len(near):
             break
         swapped = [near[0], rng.integers(len(goals))]
