@@ -33,7 +33,7 @@ def fly_and_show(team: TeamFlight, console: Console) -> bool:
         picture = team.folder / "team.png"
         draw_team(picture, team.mission, team)
         console.print(f"picture: {picture}\nrecordings: {team.folder}/*/flight.tlog", markup=False)
-    return team.is_separate and not team.has_hit and len(team.arrived_s) == len(team.flights)
+    return team.is_separate and not team.hit_s and len(team.arrived_s) == len(team.flights)
 
 
 def _table(team: TeamFlight) -> Table:

@@ -59,7 +59,9 @@ class TeamFlight:
     radio : Radio
         The radio between them.
     least_m : dict of (int, int) to tuple of float
-        For each two members that were nearest ever: how far apart horizontally [m], vertically [m], when [s].
+        For each two members: the distances when they were nearest, horizontally and vertically [m], and when [s].
+    arrived_s, hit_s : dict of int to float
+        When each member arrived, and when it touched something before that [s].
     """
 
     mission: MissionConfig
@@ -72,6 +74,7 @@ class TeamFlight:
     radio: Radio = field(init=False)
     least_m: dict[tuple[int, int], tuple[float, float, float]] = field(init=False, default_factory=dict)
     arrived_s: dict[int, float] = field(init=False, default_factory=dict)
+    hit_s: dict[int, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         missions = team_missions(self.mission, self.num)
@@ -98,11 +101,6 @@ class TeamFlight:
         config = self._team
         return all(flat >= config.apart_m or up >= config.apart_up_m for flat, up, _ in self.least_m.values())
 
-    @property
-    def has_hit(self) -> bool:
-        """Whether any member has touched something."""
-        return any(flight.simulator.truth.collision for flight in self.flights)
-
     async def fly(self) -> None:
         """Fly until all have arrived, or the time limit of the slowest has passed."""
         limit_s = max(flight.limit_s for flight in self.flights)
@@ -115,11 +113,22 @@ class TeamFlight:
                 now_s = self.flights[0].now_s
                 self.radio.step(now_s)
                 self._measure(now_s)
-                for number, flight in enumerate(self.flights, 1):
-                    if number not in self.arrived_s and flight.has_arrived():
-                        self.arrived_s[number] = now_s
+                self._note(now_s)
                 if len(self.arrived_s) == len(self.flights):
                     end_s = min(end_s, max(self.arrived_s.values()) + LINGER_S)
+
+    def _note(self, now_s: float) -> None:
+        """Note who has arrived, and who has touched something before that.
+
+        Afterwards some fly the operator's landing, which is made for one aircraft at the mission's start.
+        """
+        for number, flight in enumerate(self.flights, 1):
+            if number in self.arrived_s:
+                continue
+            if flight.simulator.truth.collision:
+                self.hit_s.setdefault(number, now_s)
+            if flight.has_arrived():
+                self.arrived_s[number] = now_s
 
     def _measure(self, now_s: float) -> None:
         """Note how near any two members are, once both have taken off."""
@@ -141,7 +150,7 @@ class TeamFlight:
             "seed": self.seed,
             "aircraft": len(self.flights),
             "is_separate": self.is_separate,
-            "collision": self.has_hit,
+            "collision": bool(self.hit_s),
             "arrived": len(self.arrived_s),
             "arrived_s": {str(number): round(s, 1) for number, s in sorted(self.arrived_s.items())},
             "nearest_m": round(nearest[0], 1),

@@ -204,8 +204,9 @@ class Game(Struct):
     """What moving threats could do if they knew the path (:mod:`companion.kernels.threat.pursuit_game`).
 
     ``vehicles`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
-    was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (D, NX, NY) earliest arrival at
-    a grid's cells [s], ``least`` (D, BX, BY) the earliest in each block of them; ``tops`` (NX, NY) height of
+    was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (G, NX, NY) earliest arrival at
+    a grid's cells [s], ``least`` (G, BX, BY) the earliest in each block of them, for all up to the last that
+    drives; ``tops`` (NX, NY) height of
     the wall there, minus infinity where there is none [m]; ``lowest`` the least of these heights, infinite
     without any wall and minus infinity over ground [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane``
     1 where threats are at the aircraft's height; ``slack`` by which a place has to be passed before it is
@@ -267,11 +268,12 @@ class Pursuers(Struct):
     """The DTs' trees (TTree), one a row of the leading axis.
 
     ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
-    ``count`` (D,) nodes in use; ``model`` (D, 8) speed, RD_max, turn radius, airborne flag, step length, and
+    ``count`` (D,) nodes in use; ``model`` (D, 14) speed, RD_max, turn radius, airborne flag, step length, and
     three more of an aircraft that flies on, whose airborne flag is 2: the vertical separation that it must
     have [m], the deviation of its height [m], and 1 if it keeps its route for certain. Its rows say where it
     is now and will be every second. One row more says where it would be in a second if it flew straight. In
     place of its turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
+    The last six columns bound where it endangers anybody: west, east, south, north, low, high [m].
     ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
     drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
     (:func:`~companion.kernels.printed.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
@@ -397,7 +399,7 @@ def _index_arrays(capacity: int, leading: tuple[int, ...]) -> dict[str, Any]:
 
 
 def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
-    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5 or 8).
+    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5 or 14).
 
     They stay inside ``bounds`` (≥ 4,) [m].
 
@@ -405,7 +407,8 @@ def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_c
     nodes are found by looking at all.
     """
     num = len(models)
-    model = np.zeros((num, 8))
+    model = np.zeros((num, 14))
+    model[:, 8::2], model[:, 9::2] = -np.inf, np.inf
     model[:, : np.shape(models)[1]] = models
     return Pursuers(
         position=np.zeros((num, capacity, 3)),

@@ -49,9 +49,11 @@ def pursuit_game(
     spacing = max(CELL_MIN_M, max(east - west, north - south) / CELLS)
     shape = (int((east - west) / spacing) + 2, int((north - south) / spacing) + 2) if tracks else (1, 1)
     is_flat = not has_ground(walls.ground)
+    vehicles = np.array([_vehicle_row(track) for track in tracks], dtype=np.float64).reshape(-1, 8)
+    num_grids = int(max(np.flatnonzero(vehicles[:, 7] == DRIVES), default=-1)) + 1
     game = Game(
-        vehicles=np.array([_vehicle_row(track) for track in tracks], dtype=np.float64).reshape(-1, 8),
-        arrival=np.full((len(tracks), *shape), math.inf),
+        vehicles=vehicles,
+        arrival=np.full((num_grids, *shape), math.inf),
         least=np.empty((len(tracks), 0, 0)),
         tops=np.full(shape, -math.inf),
         lowest=math.inf,

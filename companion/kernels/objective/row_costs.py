@@ -102,9 +102,16 @@ def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objecti
     if begins < late:
         worst = (late - begins) / game.slack
     for d in range(game.vehicles.shape[0]):
-        if game.vehicles[d, 7] == PASSES_BY:
+        if game.vehicles[d, 7] == PASSES_BY and may_endanger(objective.pursuers.model[d], x, y, z):
             worst = max(worst, passing_danger(objective.pursuers, d, x, y, z, time))
     return worst
+
+
+@inlined
+def may_endanger(model: Float1D, x: float, y: float, z: float) -> bool:
+    """Whether a place is inside the bounds of where an aircraft that flies on endangers anybody."""
+    is_beside = x < model[8] or x > model[9] or y < model[10] or y > model[11]
+    return not (is_beside or z < model[12] or z > model[13])
 
 
 @kernel

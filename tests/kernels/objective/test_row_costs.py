@@ -193,7 +193,26 @@ def test_an_aircraft_that_says_where_it_flies_next_may_fly_straight_unless_it_ke
     assert pursuit_danger(2000.0, 0.0, 100.0, 20.0, there) == 5.0
     assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) == 5.0
     there = objective(tracks=[replace(says, keeps_route=True, clear_up_m=30.0, height_std_m=5.0)])
-    assert pursuit_danger(2000.0, 0.0, 100.0, 20.0, there) == 5.0
+    assert pursuit_danger(2000.0, 0.0, 100.0, 20.0, there) == 100.0  # no search passes through it
     assert pursuit_danger(1000.0, 1000.0, 100.0, 20.0, there) == 0.0
     assert pursuit_danger(2000.0, 0.0, 100.0 + 40.0, 20.0, there) == pytest.approx(1.0)  # 30 m and 2·5 m
     assert pursuit_danger(2000.0, 0.0, 100.0 + 56.0, 20.0, there) == 0.0
+
+
+def test_the_bounds_of_where_an_aircraft_endangers_others_leave_nothing_out():
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        places = rng.uniform((0.0, 0.0, 50.0), (3000.0, 3000.0, 250.0), (4, 3))
+        route = np.column_stack([np.cumsum(rng.uniform(5.0, 40.0, 4)), places])
+        route = np.vstack([route, route[-1] + (1.0, 0.0, 0.0, 0.0)])
+        keeps = replace(
+            track(*places[0, :2], airborne=True, up=places[0, 2], stamp=float(route[0, 0])), flies_on=True,
+            route=route, keeps_route=True, max_threat_radius_m=150.0, clear_up_m=30.0,
+        )  # fmt: skip
+        bounded = objective(tracks=[keeps])
+        model = bounded.pursuers.model.copy()
+        model[0, 8::2], model[0, 9::2] = -np.inf, np.inf
+        free = bounded._replace(pursuers=bounded.pursuers._replace(model=model))
+        points = places[rng.integers(0, 4, 100)] + rng.uniform(-400.0, 400.0, (100, 3)) * (1.0, 1.0, 0.3)
+        for (x, y, z), time in zip(points, rng.uniform(route[0, 0], route[-1, 0] + 50.0, 100), strict=True):
+            assert pursuit_danger(x, y, z, time, bounded) == pursuit_danger(x, y, z, time, free)
