@@ -59,7 +59,7 @@ class TeamFlight:
     radio : Radio
         The radio between them.
     least_m : dict of (int, int) to tuple of float
-        For each two members: the distances when they were nearest, horizontally and vertically [m], and when [s].
+        For each two members their distances when nearest, horizontally and vertically [m], and when [s].
     arrived_s, hit_s : dict of int to float
         When each member arrived, and when it touched something before that [s].
     """

@@ -91,8 +91,8 @@ def test_an_aircraft_on_a_route_is_foreseen_along_it_and_goes_on_as_at_its_end()
     assert circles.places_enu_m(np.array([1e4])).tolist() == [[100.0, 60.0, 180.0]]
     model = threat_trees([circles], WALLS, 100.0, BOUNDS).model[0]
     assert model[7] == 1.0
-    # 200 m and 150 m beside, 76.2, 2·4 and 15 m above, and a metre; twice 30 s of 1 m/s, and the 1 m to which it
-    # is known.
+    # 200 m and 150 m beside, 76.2, 2·4 and 15 m above, and a metre; twice 30 s of 1 m/s, and 1 m of where it
+    # is now.
     beside = 351.0 + 2.0 * math.hypot(1.0, 30.0)
     assert model[8:12] == pytest.approx([-beside, 100.0 + beside, -beside, 60.0 + beside])
     assert model[12:] == pytest.approx([150.0 - 100.2, 180.0 + 100.2])
