@@ -29,7 +29,6 @@ from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import About, Recorder
 from companion.service.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.types.events import Dialect
-from sim.autopilot.base import SYSTEM_ID
 from sim.faults import FaultyLink
 from sim.flight_measures import FlightMeasures, Measures, measured
 from sim.simulator import Aircraft, Place, Simulator
@@ -90,7 +89,7 @@ class Flight:
     route_enu_m: tuple[Place, ...] = ()
     battery_drain: float = 1.0
     aircraft: Aircraft = ()
-    system_id: int = SYSTEM_ID
+    system_id: int = 1
     wire: Simulator | FaultyLink = field(init=False)
     recorder: Recorder = field(init=False)
     simulator: Simulator = field(init=False)

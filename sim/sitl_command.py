@@ -74,7 +74,6 @@ def sitl(
     import asyncio
 
     from companion.config import load_mission, require_goals
-    from companion.config.compose import world_of
     from companion.recording.retention import folder_for
     from companion.ui.page.live_page import page_of
     from companion.ui.page.playback_page import wait_for_interrupt
@@ -120,11 +119,7 @@ def sitl(
         write_json(json_file, flight.document())
     console.print(_result(flight))
     if folder is not None:
-        from companion.ui.reports.report import write_report
-        from sim.flight_record import record_of
-
-        report, picture = write_report(folder, config, world_of(config, none_known=False), record_of(flight))
-        console.print(f"report: {report}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
+        _write_report(flight, folder, console)
     if shown_on is not None:
         console.print(f"the flight is over; it stays on {shown_on.address} until Ctrl+C", markup=False)
         wait_for_interrupt()
@@ -138,14 +133,25 @@ def _fly_team(
     json_file: Path | None, console: Console,
 ) -> int:  # fmt: skip
     """Fly as many aircraft as a team; return the exit status."""
-    from sim.team_command import fly_and_show
-    from sim.team_flight import TeamFlight
+    from sim.team.team_command import fly_and_show
+    from sim.team.team_flight import TeamFlight
 
     team = TeamFlight(config, num, seed, autopilot, folder)
     is_success = fly_and_show(team, console)
     if json_file is not None:
         write_json(json_file, team.summary())
     return 0 if is_success else EXIT_FAILED
+
+
+def _write_report(flight: Flight, folder: Path, console: Console) -> None:
+    """Write the report and the picture of a flight, and say where they are."""
+    from companion.config.compose import world_of
+    from companion.ui.reports.report import write_report
+    from sim.flight_record import record_of
+
+    world = world_of(flight.mission, none_known=False)
+    report, picture = write_report(folder, flight.mission, world, record_of(flight))
+    console.print(f"report: {report}\npicture: {picture}\nrecording: {folder / 'flight.tlog'}")
 
 
 def _pace(speed: float | None, *, has_page: bool) -> float:

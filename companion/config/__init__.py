@@ -20,10 +20,10 @@ from companion.config.models import (
     PlanningConfig,
     RadarConfig,
     SigningConfig,
-    Simulation,
     Start,
     Vehicle,
 )
+from companion.config.sections.simulation_section import Simulation
 
 __all__ = [
     "Authority",

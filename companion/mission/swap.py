@@ -12,6 +12,25 @@ from companion.types.events import MissionCurrent
 from companion.types.mission import Mission, MissionItem
 
 
+class NotApprovedError(Exception):
+    """The mission may not be entered, because others have not approved it; its argument says why."""
+
+
+class Consent(Protocol):
+    """Whether others, such as the members of a team, let a mission be entered."""
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the mission may be entered now."""
+
+    @property
+    def refusal(self) -> str:
+        """Why it may not be entered any more; '' while it may."""
+
+    def hold(self) -> None:
+        """Note that the mission is being entered."""
+
+
 class MissionLink(Protocol):
     """The functions of the link that a swap needs."""
 

@@ -120,7 +120,7 @@ def route_by(
     now_s: float, place_enu_m: tuple[float, float, float], speed_m_s: float,
     next_enu_m: tuple[float, float, float],
 ) -> FloatArray | None:  # fmt: skip
-    """Return the route of an aircraft that says where it flies next, shape (3, 4).
+    """Return the route of an aircraft that says where it flies next.
 
     It flies there straight, and on in the same direction and level.
 
@@ -131,11 +131,11 @@ def route_by(
     place_enu_m, next_enu_m : tuple of float
         Where it is, and where it flies next: east, north, up [m].
     speed_m_s : float
-        Its ground speed [m/s].
+        Ground speed of the aircraft [m/s].
 
     Returns
     -------
-    ndarray or None
+    ndarray, shape (3, 4), or None
         The route, as :class:`~companion.types.threat.TrackState` has it; None for an aircraft that is there
         within a second, or that hardly moves.
     """

@@ -10,8 +10,7 @@ from __future__ import annotations
 import re
 
 from companion.types.mavlink_enums import Severity
-from companion.types.pilot_text import NOTHING, PilotMessage, PilotText
-from companion.types.texts_of_others import OTHER_AIRCRAFT
+from companion.types.pilot_text import NOTHING, OTHER_AIRCRAFT, PilotMessage, PilotText
 
 TEXTS = {
     "mission": PilotText(

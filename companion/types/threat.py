@@ -160,7 +160,20 @@ class TrackState:
 
 
 def places_on_route(route: FloatArray, times_s: FloatArray) -> FloatArray:
-    """Return the places (N, 3) on a route (M, 4) of two rows or more at clock readings (N,)."""
+    """Return the places on a route.
+
+    Parameters
+    ----------
+    route : ndarray, shape (M, 4)
+        Clock reading [s], east, north, up [m], at least two rows. It goes on after the last as before it.
+    times_s : ndarray, shape (N,)
+        Clock readings [s].
+
+    Returns
+    -------
+    ndarray, shape (N, 3)
+        East, north, up [m].
+    """
     row = np.clip(np.searchsorted(route[:, 0], times_s, side="right") - 1, 0, len(route) - 2)
     begins, ends = route[row], route[row + 1]
     share = np.maximum(times_s - begins[:, 0], 0.0) / (ends[:, 0] - begins[:, 0])

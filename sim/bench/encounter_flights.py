@@ -138,6 +138,8 @@ def flown_encounter(
 def _alert_before_s(flight: Flight, alone: FloatArray, tracks: Mapping[str, FloatArray]) -> float | None:
     """Return how long before the flight ``alone`` (N, 4) loses well clear the pilot was told of traffic [s].
 
+    ``tracks`` are those of the other aircraft, (M, 7) each.
+
     It is None where the flight alone stays well clear, or where the pilot was not told.
     """
     lost_s = [

@@ -6,7 +6,7 @@ import pytest
 
 from companion.config import load_mission, mission_from_text
 from companion.types.events import Dialect
-from sim.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
+from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG
 from tests.flight.test_geofences import BOTH
 from tests.sim.client import CONFIGS

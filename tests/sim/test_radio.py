@@ -6,8 +6,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import load_mission
 from companion.link.messages.codec import Codec
-from sim.radio import Radio
 from sim.simulator import Simulator
+from sim.team.simulated_radio import Radio
 from tests.sim.client import CONFIGS
 
 MISSION = load_mission(CONFIGS / "first-flight.yaml").model_copy(update={"dynamic_threats": ()})

@@ -14,8 +14,7 @@ from companion.errors import CompanionError
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.list_reader import ListReader
 from companion.flight.exchange.protocols import SwapProtocols
-from companion.flight.exchange.swap_protocol import NotApprovedError, SwapOrder, order_for
-from companion.flight.exchange.team_exchange import TeamExchange
+from companion.flight.exchange.swap_protocol import SwapOrder, order_for
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.observer import Observer
 from companion.flight.state.checkpoint import Checkpoint, key_of
@@ -28,7 +27,7 @@ from companion.flight.state.list_state import (
     after_swap_ended,
     after_unwanted,
 )
-from companion.mission.swap import SwapOutcome
+from companion.mission.swap import NotApprovedError, SwapOutcome
 from companion.recording.recorder import Recorder
 from companion.types.mission import Mission
 from companion.types.record import SwapRecord
@@ -53,8 +52,6 @@ class Handover:
         Records the missions that are sent.
     observer : Observer
         Counts the results.
-    team : TeamExchange
-        Asks the other members of a team before a mission is entered.
 
     Attributes
     ----------
@@ -71,10 +68,9 @@ class Handover:
         checkpoint: Checkpoint,
         recorder: Recorder,
         observer: Observer,
-        team: TeamExchange,
     ) -> None:
         parts = protocols.parts
-        self._team = team
+        self._team = protocols.team
         self.protocols = protocols
         self.reader = ListReader(protocols, announcer, checkpoint)
         self._flight, self._link, self._clock = parts.flight, parts.link, parts.clock

@@ -16,7 +16,7 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.mission.list_layout import Layout, TwoBankLayout
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
-from companion.mission.swap import SwapOutcome
+from companion.mission.swap import Consent, NotApprovedError, SwapOutcome
 from companion.mission.waypoints import Waypoints, sequence_of_waypoint
 from companion.planning.plan_runner import PlanBrokenOffError
 from companion.tracking.ownship import OwnshipEstimator
@@ -97,35 +97,6 @@ def order_for(
         flown, constructed.waypoints, after, mission_id(mission.items), enter_s, is_urgent,
         constructed.enters_at,
     )  # fmt: skip
-
-
-class NotApprovedError(Exception):
-    """The mission may not be entered, because others have not approved it; its argument says why."""
-
-
-class NobodyAsked:
-    """The consent where nobody has to be asked."""
-
-    is_given = True
-    refusal = ""
-
-    def hold(self) -> None:
-        """Do nothing."""
-
-
-class Consent(Protocol):
-    """Whether others, such as a team, let a mission be entered."""
-
-    @property
-    def is_given(self) -> bool:
-        """Whether the mission may be entered now."""
-
-    @property
-    def refusal(self) -> str:
-        """Why it may not be entered any more; '' while it may."""
-
-    def hold(self) -> None:
-        """Note that the mission is being entered."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,7 +70,7 @@ class Replanning:
         Hands missions over to the autopilot.
     geofences : Geofences
         Reads the fences.
-    team : TeamExchange
+    team : Team
         Asks the other members of a team.
     look_ahead : LookAhead
         Plans for the moment at which the aircraft is left to the service.
@@ -87,7 +87,8 @@ class Replanning:
         self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
         self._maker, self._schedule = parts.maker, parts.maker.schedule
         self._announcer = parts.announcer
-        self.handover, self.geofences, self.team = parts.handover, parts.geofences, parts.team
+        self.handover, self.geofences = parts.handover, parts.geofences
+        self.team = parts.handover.protocols.team
         self._rally_points = parts.rally_points
         self._num_failed_swaps = 0
         self.look_ahead = LookAhead(parts)

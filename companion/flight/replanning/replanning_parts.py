@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from companion.clock import Clock
 from companion.flight.exchange.handover import Handover
-from companion.flight.exchange.protocols import protocols_for
-from companion.flight.exchange.team_exchange import TeamExchange
+from companion.flight.exchange.protocols import team_protocols
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.observer import Observer
 from companion.flight.messages.vehicle_link import VehicleLink
@@ -36,8 +35,6 @@ class ReplanningParts:
         Makes the plans.
     handover : Handover
         Hands missions over to the autopilot.
-    team : TeamExchange
-        Asks the other members of a team, and knows where they will be.
     geofences : Geofences
         Reads the fences.
     rally_points : RallyPoints
@@ -56,7 +53,6 @@ class ReplanningParts:
     world_model: WorldModel
     maker: PlanMaker
     handover: Handover
-    team: TeamExchange
     geofences: Geofences
     rally_points: RallyPoints
     freshness: FreshnessWatch
@@ -79,16 +75,12 @@ def parts_for(
     runner: PlanRunner,
 ) -> ReplanningParts:
     """Return the parts over one link; the parameters are those of ``tasks.composition.composed``."""
-    autopilot = link.autopilot
-    team = TeamExchange(flight, world_model.ownship, link, clock, announcer)
-    world_model.listen_to_team(team.with_members)
-    protocols = protocols_for(flight, autopilot, world_model.ownship, clock, team)
+    autopilot, protocols = link.autopilot, team_protocols(flight, world_model, link, clock, announcer)
     return ReplanningParts(
         flight=flight,
         world_model=world_model,
         maker=PlanMaker(seed, runner, clock, recorder, observer),
-        handover=Handover(protocols, announcer, checkpoint, recorder, observer, team),
-        team=team,
+        handover=Handover(protocols, announcer, checkpoint, recorder, observer),
         geofences=Geofences(flight, world_model, autopilot, announcer, clock),
         rally_points=RallyPoints(flight, autopilot, announcer, clock),
         freshness=FreshnessWatch(flight, world_model, autopilot, announcer),

@@ -272,8 +272,8 @@ class Codec:
 
     def team_message(self, payload: bytes) -> bytes:
         """Pack a payload of :mod:`companion.team.wire` as a TUNNEL message to everybody."""
-        padded = payload.ljust(128, b"\0")
-        return self._packed(mavlink.MAVLink_tunnel_message(0, 0, TEAM_PAYLOAD, len(payload), padded))
+        fields = 0, 0, TEAM_PAYLOAD, len(payload), payload.ljust(128, b"\0")
+        return self._packed(mavlink.MAVLink_tunnel_message(*fields))
 
     def named_value(self, boot_s: float, name: str, value: float) -> bytes:
         """Pack a NAMED_VALUE_FLOAT; the name is cut to ten characters."""
@@ -282,13 +282,9 @@ class Codec:
         return self._packed(mavlink.MAVLink_named_value_float_message(milliseconds, encoded, value))
 
     def computer_status(
-        self,
-        uptime_s: float,
-        cores_percent: Sequence[float],
-        temperature_c: float | None,
-        memory_mb: tuple[float, float],
-        disk_mb: tuple[float, float],
-    ) -> bytes:
+        self, uptime_s: float, cores_percent: Sequence[float], temperature_c: float | None,
+        memory_mb: tuple[float, float], disk_mb: tuple[float, float],
+    ) -> bytes:  # fmt: skip
         """Pack an ONBOARD_COMPUTER_STATUS: up to eight cores; memory and disk as used and total [MiB]."""
         cores = [round(min(max(load, 0.0), 100.0)) for load in cores_percent[:8]]
         celsius = 127 if temperature_c is None else round(min(max(temperature_c, -127.0), 126.0))

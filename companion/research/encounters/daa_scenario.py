@@ -93,7 +93,7 @@ class Scenario:
 
 
 def _extrapolated(away: FloatArray, times_s: FloatArray) -> FloatArray:
-    """Return the places (M, 3) in ``away`` (N, 4) at times (M,), on straight lines beyond its ends."""
+    """Return the places (M, 3) in ``away`` (N, 4) at ``times_s`` (M,), on straight lines beyond its ends."""
     row = np.clip(np.searchsorted(away[:, 0], times_s) - 1, 0, len(away) - 2)
     share = (times_s - away[row, 0]) / (away[row + 1, 0] - away[row, 0])
     return np.asarray(away[row, 1:] + share[:, None] * (away[row + 1, 1:] - away[row, 1:]))

@@ -9,7 +9,6 @@ from companion.config import MissionConfig
 from companion.errors import CompanionError
 from companion.flight.exchange.list_reader import adopt
 from companion.flight.exchange.protocols import protocols_for
-from companion.flight.exchange.swap_protocol import NobodyAsked
 from companion.flight.messages.operator_summary import operator_summary_of
 from companion.flight.state.flight_state import (
     StateOwner,
@@ -76,7 +75,7 @@ class MissionDoctor:
     def _judged(self, read: tuple[MissionItem, ...], settings: AutopilotSettings) -> list[Finding]:
         mission, now = self._mission, self._clock.now_s()
         flight = StateOwner(first_state(mission, now))
-        protocols = protocols_for(flight, self._link, self._ownship, self._clock, NobodyAsked())
+        protocols = protocols_for(flight, self._link, self._ownship, self._clock)
         flight.apply(after_autopilot_known, flies_by=protocols.dialect.flies_by)
         flight.apply(after_settings_reported, settings)
         adopt(flight, protocols, read)

@@ -8,8 +8,9 @@ import pytest
 from companion.clock import ManualClock
 from companion.config import load_mission
 from companion.errors import TransferError
+from companion.flight.exchange.consent import NobodyAsked
 from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
-from companion.flight.exchange.swap_protocol import NobodyAsked, SwapParts
+from companion.flight.exchange.swap_protocol import SwapParts
 from companion.flight.state.flight_state import StateOwner, first_state
 from companion.flight.state.list_state import after_adopted
 from companion.mission.list_layout import TwoBankLayout

@@ -21,8 +21,8 @@ from companion.config.sections.team_section import TeamConfig
 from companion.errors import CompanionError
 from companion.frames import FloatArray
 from companion.types.events import Dialect
-from sim.radio import Radio
 from sim.sitl import LINGER_S, Flight
+from sim.team.simulated_radio import Radio
 
 SPOTS_M = 60.0  # Starts and goals are sought on a grid of this size.
 SPOTS_MAX = 5_000
@@ -216,7 +216,7 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
 def _spots(
     mission: MissionConfig, near: FloatArray, num: int, free_m: float, apart_m: float
 ) -> list[FloatArray]:
-    """Return the ``num`` free places nearest to ``near`` (2,), ``apart_m`` from each other [m].
+    """Return the ``num`` free places, each (2,), nearest to ``near`` (2,), ``apart_m`` from each other [m].
 
     A place is free if a circle of ``free_m`` about it is inside the bounds and clear of all obstacles [m].
     """

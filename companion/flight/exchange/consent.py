@@ -1,0 +1,48 @@
+"""Who is asked before a mission is entered: the members of a team, or nobody."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from companion.flight.construction.mission_construction import ConstructedMission
+from companion.mission.swap import Consent
+from companion.types.events import ClockReported, TeamMessage
+
+
+class Team(Consent, Protocol):
+    """The members of a team, as the rest of the service sees them."""
+
+    def propose(self, constructed: ConstructedMission, /) -> str:
+        """Ask for a mission that is to be entered; return with what it conflicts, '' for nothing."""
+
+    def end(self, *, is_flown: bool) -> None:
+        """Note whether the mission is flown now."""
+
+    def take(self, event: ClockReported | TeamMessage, /) -> None:
+        """Take what arrives from others, or the time."""
+
+    def keep_up(self) -> None:
+        """Send what is due."""
+
+
+class NobodyAsked:
+    """A team without other members."""
+
+    is_given = True
+    refusal = ""
+
+    def propose(self, _constructed: ConstructedMission, /) -> str:
+        """Return '': nothing conflicts."""
+        return ""
+
+    def hold(self) -> None:
+        """Do nothing."""
+
+    def end(self, *, is_flown: bool) -> None:
+        """Do nothing."""
+
+    def take(self, _event: ClockReported | TeamMessage, /) -> None:
+        """Do nothing."""
+
+    def keep_up(self) -> None:
+        """Do nothing."""
