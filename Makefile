@@ -119,6 +119,10 @@ mutants: warm ## change the program at 360 random places drawn by SEED: do the t
 bench: $(STAMP) ## measure what must be fast, against the stored baseline or the checkout BESIDE
 	$(BIN)/python -m tests.bench $(if $(BESIDE),--beside $(BESIDE))
 
+.PHONY: release
+release: $(STAMP) ## build sdist and wheel of this commit, prove the wheel in a fresh environment; checksums and notes in dist
+	$(BIN)/python packaging/make_release.py
+
 .PHONY: energy
 energy: $(STAMP) ## fly N with a worn battery, with and without the section energy; prints how many come home
 	$(BIN)/python -m tests.energy -n $(if $(filter file,$(origin N)),100,$(N)) --jobs $(patsubst logical,1,$(JOBS))

@@ -131,7 +131,7 @@ def check(
 @app.command()
 def plan(
     mission: MissionFile,
-    method: Annotated[str | None, typer.Option(help="safe-rrt or a comparator.")] = None,
+    method: Annotated[str | None, typer.Option(help="safe-rrt, a comparator or a plug-in.")] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of the first run; later runs count up.")
     ] = None,

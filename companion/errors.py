@@ -7,7 +7,8 @@
     ├── LinkError          no link, or the link failed                exit 3
     │   ├── NoAutopilotError   nothing that is an autopilot is heard
     │   └── TransferError      a mission transfer failed; the autopilot may hold a mix
-    └── RecordError        a recording cannot be read or written      exit 2
+    ├── RecordError        a recording cannot be read or written      exit 2
+    └── PlannerError       another package's planner fails            exit 2
 
 Solvers do not raise for "no path": they return a status.
 """
@@ -87,3 +88,27 @@ class RecordError(CompanionError):
     """A recording cannot be read or written."""
 
     exit_code = 2
+
+
+@dataclass
+class PlannerError(CompanionError):
+    """A planner of another package cannot be loaded, or fails.
+
+    Parameters
+    ----------
+    planner : str
+        The planner's name, distribution and entry point.
+    found : str
+        Description of what it is or did.
+    expected : str
+        Description of what a planner must be or do.
+    """
+
+    planner: str
+    found: str
+    expected: str
+
+    exit_code = 2
+
+    def __str__(self) -> str:
+        return f"planner {self.planner}: got {self.found}; expected {self.expected}"

@@ -140,7 +140,7 @@ def plan(
     mission : MissionConfig
         Mission from :func:`load_mission`.
     method : str, optional
-        ``safe-rrt`` or a comparator; by default that of the mission file.
+        ``safe-rrt``, a comparator or an installed planner; by default that of the mission file.
     seed : int, optional
         Seed of the search; by default that of the mission file.
     time_limit_s : float, optional

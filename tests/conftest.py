@@ -92,3 +92,17 @@ def _group_of(file):
     if named is not None:
         return named[1]
     return str(file) if 'scope="module"' in text else ""
+
+
+@pytest.fixture
+def packages(tmp_path, monkeypatch):
+    """Where a test installs packages of others; they are forgotten after it."""
+    from tests.support.foreign_packages import Packages  # noqa: PLC0415  # Few tests need the planner.
+
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(folder)
+    made = Packages(folder)
+    made.forget()
+    yield made
+    made.forget()

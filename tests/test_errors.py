@@ -8,6 +8,7 @@ from companion.errors import (
     ConfigError,
     LinkError,
     NoAutopilotError,
+    PlannerError,
     RecordError,
     TransferError,
 )
@@ -19,6 +20,7 @@ CODES = {
     NoAutopilotError: 3,
     TransferError: 3,
     RecordError: 2,
+    PlannerError: 2,
 }
 
 

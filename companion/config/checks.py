@@ -12,7 +12,7 @@ from companion.config.sections.glide_section import FieldConfig
 from companion.config.sections.terrain_section import TerrainConfig
 from companion.config.source import KeyPath
 from companion.kernels.arrays import Ground
-from companion.planning.comparators import METHODS
+from companion.planning.plugins.installed_planners import method_fault
 from companion.world.ground.cell_lookup import cell_at
 from companion.world.vehicle.energy import level_power_range
 
@@ -224,8 +224,8 @@ def _vehicle(config: MissionConfig) -> Iterator[Finding]:
 
 def _planning(config: MissionConfig) -> Iterator[Finding]:
     planning = config.planning
-    if planning.method not in METHODS:
-        yield ("planning", "method"), "one of " + ", ".join(sorted(METHODS))
+    if expected := method_fault(planning.method):
+        yield ("planning", "method"), expected
     diameter = 2.0 * config.vehicle.turn_radius_min_m
     if planning.sensing_horizon_m <= diameter:
         yield (

@@ -159,7 +159,7 @@ class PlanningConfig(Section):
     total_planning_time_s: Seconds
     """The paper's limit for a whole plan. It is only compared with `time_horizon_s`; it ends no flight."""
     method: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z][a-z0-9-]*$")] = "safe-rrt"
-    """`safe-rrt` or a comparator; the error about any other name lists them."""
+    """`safe-rrt`, a comparator, or [your own](own-planner.md); the error about any other name lists them."""
     certainty: Literal["shifted", "literal"] = "shifted"
     """Form of the certainty factor in threat levels: `literal` as printed in the paper, or `shifted`."""
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 1

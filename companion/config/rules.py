@@ -21,6 +21,7 @@ from companion.config.compose import (
 from companion.config.models import MissionConfig
 from companion.config.sections.terrain_map import ground_heights_of
 from companion.mission.glide.landing_choice import GlideOptions, Place
+from companion.planning.comparators import METHODS
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings
 from companion.types.state import AutopilotSettings
@@ -52,7 +53,8 @@ class Rules:
     replan_settings : PlannerSettings
         Settings of a plan while a path is flown; they have fewer iterations.
     least_threat_settings : PlannerSettings
-        Settings of an emergency plan: threats have no limit, and the largest weight in (9).
+        Settings of an emergency plan: threats have no limit, and the largest weight in (9). If the method is
+        another package's planner, emergency plans are those of Safe-RRT.
     checker : Checker
         The independent check.
     exposure : Exposure
@@ -130,6 +132,8 @@ def rules_of(
     limits = replace(check_limits_of(mission), bank_max_rad=vehicle.bank_max_rad)
     settings, exposure = planner_settings_of(mission), exposure_of(mission)
     obstacles = (*mission.obstacle_list, *fences)
+    # Another package's planner makes ordinary plans only: what is flown where its paths are refused is ours.
+    emergency_settings = settings if settings.method in METHODS else planner_settings_of(mission, "safe-rrt")
     return Rules(
         mission=mission,
         fences=fences,
@@ -139,7 +143,7 @@ def rules_of(
         settings=settings,
         replan_settings=replace(settings, max_iterations=int(REPLAN_SHARE * settings.max_iterations)),
         least_threat_settings=replace(
-            settings,
+            emergency_settings,
             threat_level_max=1.0,
             seen_max_s=math.inf,
             weights_cost=LEAST_THREAT_WEIGHTS,

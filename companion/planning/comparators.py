@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
 
+PLAN_ONCE, STRAIGHT_LINE = "plan-once", "straight-line"
+FLOWN_METHODS = (PLAN_ONCE, STRAIGHT_LINE)  # Methods of flights that do not replan.
+ANYTIME_METHODS = ("ompl-rrt", "ompl-rrt-star", "ompl-bit-star", "ompl-aorrtc")  # Planners of OMPL.
+
 
 class Certainty(IntEnum):
     """Form of the certainty function (2); the numbers are the kernel's."""
@@ -98,3 +102,8 @@ METHODS: dict[str, Strategies] = {
     "rrt-reach": replace(_PRINTED, estimator=Estimator.RRT_REACH),
     "rrt": replace(_PRINTED, estimator=Estimator.RRT),
 }
+
+
+def strategies_of(method: str) -> Strategies:
+    """Return the strategies of a method; a planner of another package is measured by those of Safe-RRT."""
+    return METHODS.get(method, METHODS["safe-rrt"])

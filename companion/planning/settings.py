@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from companion.kernels.arrays import Limits, Search, ThreatModel
-from companion.planning.comparators import METHODS, Certainty, Strategies
+from companion.planning.comparators import METHODS, Certainty, Strategies, strategies_of
 from companion.world.vehicle.vehicle_model import VehicleModel
 
 LEVEL_SHARE = 0.9  # Plans keep this share of the limit; the flown path is judged by the whole limit.
@@ -142,14 +142,8 @@ def settings_for(
     quality_min: float = 0.0,
     clearance_wanted_m: float = 0.0,
 ) -> PlannerSettings:
-    """Settings of a method; prices and limits of J are the defaults.
-
-    Raises
-    ------
-    KeyError
-        If there is no such method.
-    """
-    strategies = METHODS[method]
+    """Settings of a method, whose name was checked; prices and limits of J are the defaults."""
+    strategies = strategies_of(method)
     if strategies.certainty is not Certainty.PROBABILISTIC:
         strategies = replace(strategies, certainty=certainty)
     chosen = PlannerSettings(

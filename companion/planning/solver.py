@@ -8,9 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.errors import PlannerError
 from companion.kernels.geometry.prism_distance import clearance
+from companion.planning.comparators import METHODS
 from companion.planning.explore import Exploration
 from companion.planning.least_objective.least_plan import plan_by_objective
+from companion.planning.plugins.plugged_plan import plan_by_plugin
 from companion.planning.printed.printed_plan import plan_by_sub_tasks
 from companion.planning.problem import Problem, StartState
 from companion.planning.route import (
@@ -52,22 +55,52 @@ def solve(
     Plan
         ``EXACT`` with a path to the last goal; ``APPROXIMATE`` with the branch that came nearest;
         ``INVALID_START`` without one, where there is no way out either.
+
+    Raises
+    ------
+    PlannerError
+        If the method is another package's planner, and fails.
     """
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
     plan = None if exploration.start_is_clear else _by_recovery_path(exploration, should_stop, timer)
     if plan is not None:
         return plan
+    if problem.settings.method not in METHODS:
+        return plan_by_plugin(exploration, should_stop, timer, flown)
     by_objective = problem.settings.strategies.by_objective
     return (plan_by_objective if by_objective else plan_by_sub_tasks)(exploration, should_stop, timer, flown)
 
 
+def solve_in_flight(problem: Problem, should_stop: Callable[[], bool], flown: Path | None = None) -> Plan:
+    """Plan as :func:`solve` does; if another package's planner fails, there is no path, and a note says why.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    should_stop : callable
+        Returns True once the time is over.
+    flown : Path, optional
+        What is left of the path being flown.
+    """
+    try:
+        return solve(problem, should_stop, flown=flown)
+    except PlannerError as error:
+        return _without_path(problem, PlanStatus.APPROXIMATE, str(error))
+
+
+def _without_path(problem: Problem, status: PlanStatus, note: str) -> Plan:
+    """Return the answer without a path."""
+    return Plan(
+        status, None, Measures(), problem.seed, problem.settings.method, problem.snapshot.number,
+        notes=(note,), threat_trees=problem.snapshot.threat_trees,
+    )  # fmt: skip
+
+
 def _invalid_start(problem: Problem) -> Plan:
     """The answer where neither a plan nor a way out begins."""
-    return Plan(
-        PlanStatus.INVALID_START, None, Measures(), problem.seed, problem.settings.method,
-        problem.snapshot.number, notes=("the start breaks a constraint or stands in an obstacle",),
-        threat_trees=problem.snapshot.threat_trees,
-    )  # fmt: skip
+    note = "the start breaks a constraint or stands in an obstacle"
+    return _without_path(problem, PlanStatus.INVALID_START, note)
 
 
 def _by_recovery_path(

@@ -17,6 +17,7 @@ class PlanStatus(Enum):
 
     EXACT = "exact"  # The path reaches the goal.
     APPROXIMATE = "approximate"  # The path leads towards the goal and does not reach it.
+    REFUSED = "refused"  # The path reaches the goal, and the independent check refuses it.
     INVALID_START = "invalid_start"  # The start state violates a constraint.
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from companion.config import MissionConfig
 from companion.frames import FloatArray
 from companion.kernels.native.ready import make_ready
+from companion.planning.comparators import FLOWN_METHODS
 from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 from companion.research.campaign.engines.runners import Outcome
-from companion.research.campaign.flown_methods import FLOWN_METHODS
 from companion.types.events import Dialect
 from companion.types.path import Path
 from sim.threats.pursuer import TargetEstimate

@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.planning.comparators import ANYTIME_METHODS
 from companion.planning.explore import Exploration
 from companion.planning.problem import Problem
 from companion.planning.route import cost_between, route_along, route_from_path
 from companion.planning.solver import solve
 from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 from companion.research.campaign.engines.runners import Outcome
-from companion.research.campaign.flown_methods import ANYTIME_METHODS
-from companion.research.campaign.runs import offline_problem, offline_world
+from companion.research.campaign.runs import judged_plan, offline_problem, offline_world
 from sim.comparison.ompl_edges import Edges, Pose
 from sim.comparison.ompl_planners import searched
 
@@ -64,6 +64,7 @@ class AnytimeRunner:
         for mark_s in MARKS_S:
             end_s = time.perf_counter() + mark_s
             plan = solve(problem, lambda end=end_s: time.perf_counter() >= end)  # type: ignore[misc]
+            plan = judged_plan(self._campaign.mission(run.mission, run.setting), problem, plan)
             reached = plan.path is not None and plan.reaches_goal
             cost = None
             if plan.path is not None and reached:

@@ -2,9 +2,9 @@
 
 What a test computer has not is stood in for, and only that: the serial port by the simulator over TCP,
 mavlink-router by the simulator over UDP, systemd's programs and ``sudo`` by ones that take every argument,
-the system's folders by one of the test's. The simulator flies faster than real time, the doctor counts for a
-second, and the campaign has fewer runs. A program that runs for ever is stopped once it has said what it
-should. A command that several pages have is run with the first of them.
+the system's folders and the one that ``pip`` installs into by ones of the test's. The simulator flies faster
+than real time, the doctor counts for a second, and the campaign has fewer runs. A program that runs for ever
+is stopped once it has said what it should. A command that several pages have is run with the first of them.
 """
 
 import os
@@ -36,6 +36,7 @@ ELSEWHERE[MAVPROXY] = "tests/integrations, with a MAVProxy of the user's"
 SYSTEMD = ("systemctl", "journalctl")
 SIM = "python -m sim mission_configs/first-flight.yaml --listen"
 SERIAL, TCP = "serial:///dev/ttyAMA0:921600", "tcp://127.0.0.1:5760"
+OFFLINE = "--quiet --disable-pip-version-check --no-index --no-build-isolation"
 SPEED = 4  # simulated seconds a second
 
 
@@ -67,7 +68,8 @@ class Reader:
         self._program(programs / "sudo", 'exec "$@"')
         path = f"{folder / '.venv' / 'bin'}:{programs}:{os.environ['PATH']}"
         self._environment = os.environ | {"PATH": path, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"}
-        self._environment.pop("PYTHONPATH", None)
+        self._packages = folder / "packages"
+        self._environment["PYTHONPATH"] = str(self._packages)
 
     @staticmethod
     def _program(path, body):
@@ -87,6 +89,7 @@ class Reader:
         command = command.replace("127.0.0.1:14540", f"127.0.0.1:{self._udp}")
         command = re.sub(r"^(python -m sim .*)", rf"\1 --speed {SPEED}", command)
         command = re.sub(r"^(companion doctor .*)", r"\1 --seconds 1", command)
+        command = re.sub(r"^pip install", f"pip install {OFFLINE} --target {self._packages}", command)
         root = self._folder / "system"
         return re.sub(r"packaging/install\.sh", f"packaging/install.sh --root {root} --no-program", command)
 

@@ -16,7 +16,7 @@ from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start, budget_s
 from companion.planning.plan_runner import PlanBrokenOffError, PlanRunner, PlanTiming, StopRule
 from companion.planning.problem import GoalRegion, Problem
-from companion.planning.solver import solve
+from companion.planning.solver import solve_in_flight
 from companion.recording.recorder import Recorder
 from companion.threads import in_thread
 from companion.types.plan import Plan
@@ -164,7 +164,7 @@ class Planner:
             settings=settings,
             seed=self._seed * SEEDS_A_FLIGHT + self.num_plans,
         )
-        plan = solve(problem, should_stop, flown=request.start.rest if request.improves else None)
+        plan = solve_in_flight(problem, should_stop, flown=request.start.rest if request.improves else None)
         self._threat_trees = plan.threat_trees
         return plan
 

@@ -20,12 +20,11 @@ from companion.config.models import MissionConfig
 from companion.config.sections.section_base import Section
 from companion.config.source import Document, KeyPath, parse
 from companion.errors import ConfigError
-from companion.planning.comparators import METHODS
+from companion.planning.comparators import ANYTIME_METHODS, FLOWN_METHODS, METHODS
+from companion.planning.plugins.installed_planners import installed_planner, method_fault
 from companion.research.campaign.flown_methods import (
-    ANYTIME_METHODS,
     ENCOUNTER,
     FAULTS,
-    FLOWN_METHODS,
     PARTS,
     EncounterConfig,
     LinkFaultsConfig,
@@ -154,8 +153,14 @@ class Campaign:
             "models": [[name, _digest(text)] for name, (text, _) in self.models.items()],
             "missions": [[name, self.digest(name)] for name in self.texts],
             "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
+            "planners": self._foreign_planners(),
         }
         return told | {key: entries for key, entries in lists.items() if entries}
+
+    def _foreign_planners(self) -> list[list[str]]:
+        """Return methods that are other packages' planners, each with its package and version."""
+        own = {*METHODS, *FLOWN_METHODS, *ANYTIME_METHODS}
+        return [[name, installed_planner(name).origin] for name in self.config.methods if name not in own]
 
 
 def load_campaign(path: Path) -> Campaign:
@@ -196,10 +201,9 @@ def _faults(config: CampaignConfig) -> Iterator[tuple[KeyPath, str]]:
                 # A number of seeds has no entries, and names none twice.
                 yield (key, place), "each one once"
     besides = {"flights": FLOWN_METHODS, "anytime": ANYTIME_METHODS}
-    known = [*sorted(METHODS), *besides.get(config.kind, ())]
     for place, method in enumerate(config.methods):
-        if method not in known:
-            yield ("methods", place), "one of " + ", ".join(known)
+        if expected := method_fault(method, besides.get(config.kind, ())):
+            yield ("methods", place), expected
     if config.budget_s is not None and config.kind != "plans":
         yield (
             ("budget_s",),

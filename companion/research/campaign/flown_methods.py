@@ -1,4 +1,4 @@
-"""Parts of some kinds of campaign only: methods besides the planner's, faults of the link, and encounters."""
+"""Parts of some kinds of campaign only: faults of the link, and encounters."""
 
 from __future__ import annotations
 
@@ -10,9 +10,6 @@ from pydantic import Field
 
 from companion.config.sections.section_base import Section
 
-PLAN_ONCE, STRAIGHT_LINE = "plan-once", "straight-line"
-FLOWN_METHODS = (PLAN_ONCE, STRAIGHT_LINE)
-ANYTIME_METHODS = ("ompl-rrt", "ompl-rrt-star", "ompl-bit-star", "ompl-aorrtc")  # Planners of OMPL.
 FAULTS, ENCOUNTER = "faults", "encounter"  # First parts of keys that do not change the mission file.
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]

@@ -17,7 +17,7 @@ from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 from companion.research.campaign.engines.runners import Outcome
 from companion.research.campaign.measures import pursuit_measures
 from companion.research.campaign.run_places import PURSUERS
-from companion.research.campaign.runs import offline_problem, offline_world, result_of
+from companion.research.campaign.runs import judged_plan, offline_problem, offline_world, result_of
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.world.snapshot import Snapshot
@@ -61,6 +61,7 @@ class PlanRunner:
         budget_s = self._campaign.config.budget_s
         end_s = math.inf if budget_s is None else time.perf_counter() + budget_s
         plan = solve(problem, never if budget_s is None else lambda: time.perf_counter() >= end_s)
+        plan = judged_plan(mission, problem, plan)
         told = cast("dict[str, Scalar | None]", result_of(plan))
         path = cast("object", told.pop("path"))
         for name in _NAMED:

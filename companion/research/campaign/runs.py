@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rich.table import Table
@@ -13,16 +13,20 @@ from rich.table import Table
 from companion.config import MissionConfig
 from companion.config.compose import goals_of, planner_settings_of, vehicle_of, world_of
 from companion.config.mission_summary import mission_coverage
+from companion.config.rules import rules_of
 from companion.errors import ConfigError
 from companion.frames import direction_from_course
 from companion.kernels.native.ready import make_ready
 from companion.planning.comparators import METHODS
+from companion.planning.plugins.installed_planners import method_fault
 from companion.planning.problem import Problem, StartState, initial_covariances
 from companion.planning.solver import solve
 from companion.research.campaign.paper import PaperRow, paper_row
-from companion.types.plan import Plan
+from companion.types.plan import Plan, PlanStatus
 from companion.types.threat import TrackState
 from companion.world.snapshot import Snapshot
+
+GOAL_TOLERANCE_M = 1.0  # As in flight, where a path may end this much outside the acceptance radius.
 
 
 def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | None, seed: int) -> Problem:
@@ -34,8 +38,8 @@ def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | No
         If there is no such method.
     """
     name = method or mission.planning.method
-    if name not in METHODS:
-        raise ConfigError(mission.name, None, "method", name, "one of " + ", ".join(sorted(METHODS)))
+    if expected := method_fault(name):
+        raise ConfigError(mission.name, None, "method", name, expected)
     vehicle, settings = vehicle_of(mission), planner_settings_of(mission, name)
     world = snapshot if settings.strategies.minds_dts else snapshot.with_tracks(0.0, ())
     east, north = float(mission.start.east_m), float(mission.start.north_m)
@@ -87,8 +91,40 @@ def plan_runs(
     plans = []
     for problem in problems:
         deadline = math.inf if time_limit_s is None else time.perf_counter() + time_limit_s
-        plans.append(solve(problem, lambda end=deadline: time.perf_counter() >= end))  # type: ignore[misc]
+        plan = solve(problem, lambda end=deadline: time.perf_counter() >= end)  # type: ignore[misc]
+        plans.append(judged_plan(mission, problem, plan))
     return snapshot, plans
+
+
+def judged_plan(mission: MissionConfig, problem: Problem, plan: Plan) -> Plan:
+    """Return the plan; one of another package's planner is refused if the independent check refuses its path.
+
+    In flight the check judges every path. Offline it is asked for other packages' planners, because nothing
+    else knows whether these keep the limits; otherwise a path through a wall would count as a success.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission, whose limits count.
+    problem : Problem
+        The problem.
+    plan : Plan
+        The answer to it.
+    """
+    if plan.method in METHODS or plan.path is None or not plan.reaches_goal:
+        return plan
+    goal = problem.goals[-1]
+    found = rules_of(mission).checker.check_path(
+        plan.path,
+        goal_enu_m=goal.position_enu_m,
+        acceptance_radius_m=goal.acceptance_radius_m + GOAL_TOLERANCE_M,
+        wind_enu_m_s=problem.snapshot.wind_enu_m_s,
+        picture=problem.snapshot.picture,
+    )
+    if not found:
+        return plan
+    note = f"the check refuses the path: {found[0]} ({len(found)} violations)"
+    return replace(plan, status=PlanStatus.REFUSED, notes=(*plan.notes, note))
 
 
 def result_of(plan: Plan, mission: MissionConfig | None = None) -> dict[str, object]:
@@ -180,6 +216,9 @@ def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
         if values:
             figures = (f"{value:.4g}" for value in (np.median(values), min(values), max(values)))
             table.add_row(row.name, *figures, *_beside(row, paper))
+    refused = [plan for plan in plans if plan.status is PlanStatus.REFUSED]
+    if refused:
+        table.caption = refused[0].notes[-1]
     return table
 
 
