@@ -11,7 +11,6 @@ FLAGS ?=
 N ?= 1000
 MINUTES ?= 120
 RUNS ?= 10
-AIRCRAFT ?= 128
 SEEDS ?= 2
 # Which mutants are drawn.
 SEED ?= 1
@@ -128,8 +127,8 @@ energy: $(STAMP) ## fly N with a worn battery, with and without the section ener
 	$(BIN)/python -m tests.energy -n $(if $(filter file,$(origin N)),100,$(N)) --jobs $(patsubst logical,1,$(JOBS))
 
 .PHONY: team-fast
-team-fast: $(STAMP) ## fly RUNS teams of AIRCRAFT that share their plans, in fast time; FLAGS=--straight: that do not
-	$(BIN)/python -m sim.team --runs $(RUNS) --aircraft $(AIRCRAFT) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+team-fast: $(STAMP) ## fly RUNS teams of AIRCRAFT (128) that share their plans, in fast time; FLAGS=--straight: that do not
+	$(BIN)/python -m sim.team --runs $(RUNS) --aircraft $(or $(AIRCRAFT),128) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
 reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
 	$(BIN)/python -m tests.proofs.pursuits
