@@ -216,10 +216,13 @@ def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
         if values:
             figures = (f"{value:.4g}" for value in (np.median(values), min(values), max(values)))
             table.add_row(row.name, *figures, *_beside(row, paper))
-    refused = [plan for plan in plans if plan.status is PlanStatus.REFUSED]
-    if refused:
-        table.caption = refused[0].notes[-1]
+    table.caption = _first_refusal(plans)
     return table
+
+
+def _first_refusal(plans: Sequence[Plan]) -> str | None:
+    """Return why the independent check refused the first path that it refused; None if it refused none."""
+    return next((plan.notes[-1] for plan in plans if plan.status is PlanStatus.REFUSED), None)
 
 
 def _beside(row: _Row, paper: PaperRow | None) -> tuple[str, ...]:
