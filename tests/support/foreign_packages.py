@@ -5,7 +5,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-from companion.planning.plugins.installed_planners import installed_planner
+from companion.planning.plugins import installed_planners
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "example-planner"
 GROUP = "safe_rrt_companion.planners"
@@ -20,6 +20,7 @@ class Packages:
 
     def install(self, distribution, entries, modules=None):
         """Install a package, version 1.0: its planners' entry points, and the text of its modules."""
+        installed_planners._all_entries.cache_clear()
         info = self._folder / f"{distribution.replace('-', '_')}-1.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(
@@ -44,4 +45,5 @@ class Packages:
         """Unload what was loaded."""
         for name in self._modules:
             sys.modules.pop(name, None)
-        installed_planner.cache_clear()
+        installed_planners._all_entries.cache_clear()
+        installed_planners.installed_planner.cache_clear()

@@ -216,12 +216,12 @@ def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
         if values:
             figures = (f"{value:.4g}" for value in (np.median(values), min(values), max(values)))
             table.add_row(row.name, *figures, *_beside(row, paper))
-    table.caption = _why_refused(plans)
+    table.caption = _first_refusal(plans)
     return table
 
 
-def _why_refused(plans: Sequence[Plan]) -> str | None:
-    """Return why the first plan of another package's planner that the check refused was refused."""
+def _first_refusal(plans: Sequence[Plan]) -> str | None:
+    """Return why the independent check refused the first path that it refused; None if it refused none."""
     return next((plan.notes[-1] for plan in plans if plan.status is PlanStatus.REFUSED), None)
 
 
