@@ -31,6 +31,7 @@ from companion.flight.construction.mission_simulation import (
     faults_of,
     followed_ground,
     is_circle_exposed,
+    is_circle_taken,
     lacking_in_other_winds,
     simulated,
 )
@@ -273,7 +274,9 @@ def _fitted(
         best, track = _over(state, part, airspeed_m_s, circle, marked, None)
     if track is not None and not best.violations:
         lacking = lacking_in_other_winds(state, best.waypoints, track)
-        is_exposed = is_circle_exposed(state, best.waypoints, float(part.times_s[-1]))
+        arrival_s = float(part.times_s[-1])
+        is_exposed = is_circle_exposed(state, best.waypoints, arrival_s)
+        is_exposed = is_exposed or is_circle_taken(state, best.waypoints, arrival_s)
         best = best._replace(faults=best.faults.worst(Faults(lacking, is_exposed, 0.0, 0.0, 0.0)))
     finished = replace(
         best.waypoints,

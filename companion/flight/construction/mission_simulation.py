@@ -237,6 +237,32 @@ def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float
     return bool(state.rules.exposure.levels(lap, state.picture).max() > limit)
 
 
+def is_circle_taken(state: FlightState, waypoints: Waypoints, arrival_s: float) -> bool:
+    """Whether an aircraft that keeps its route ever comes near the circle at the end of a mission.
+
+    The circle is flown until the next mission is entered, so that all later times count.
+
+    Parameters
+    ----------
+    state : FlightState
+        Other aircraft.
+    waypoints : Waypoints
+        With the circle.
+    arrival_s : float
+        Time of arrival at the circle, by the clock [s].
+    """
+    centre, radius = waypoints.circle
+    own_m = abs(radius) or state.turn_radius_m
+    for track in state.picture.tracks:
+        if track.keeps_route and track.route is not None:
+            times = np.arange(arrival_s, max(arrival_s, float(track.route[-1, 0])) + STEP_S, STEP_S)
+            away = track.places_enu_m(times) - centre
+            is_near = np.hypot(away[:, 0], away[:, 1]) < own_m + track.max_threat_radius_m
+            if (is_near & (np.abs(away[:, 2]) < track.clear_up_m)).any():
+                return True
+    return False
+
+
 def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
     """The airspeed to command for a path: its last one, but never less than cruise [m/s].
 

@@ -32,7 +32,7 @@ IDENTITY = "system:"  # What a vehicle's own position reports are tracked under,
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
 STOPS_S = 1.0  # A member of a team is in its circle from this time after the end of its path at the latest.
 REPLY_S, REPEAT_S, QUIET_S = 0.4, 1.0, 5.0  # As in TeamSettings: a plan has seconds to be approved.
-PLANNED_BESIDE_M = 10.0  # What a plan is moved by when it is told, and a little.
+PLANNED_BESIDE_M = 25.0  # Tolerances of told plans are up to about 10 m larger, and plans keep off that.
 FAR_ABOVE_M = 10_000.0
 
 

@@ -162,12 +162,12 @@ def test_the_others_are_where_they_told_and_in_their_circles_then():
     assert (flies.identity, circles.identity) == ("system:2", "system:2 circle")
     assert flies.keeps_route
     assert flies.flies_on
-    assert (flies.max_threat_radius_m, flies.clear_up_m) == (210.0, 50.0)
+    assert (flies.max_threat_radius_m, flies.clear_up_m) == (225.0, 50.0)
     at = AHEAD_S + np.array([35.0, 200.0]) - AHEAD_S
     assert flies.places_enu_m(at[:1])[0] == pytest.approx([700.0, 0.0, 100.0], abs=5.0)
     assert flies.places_enu_m(at[1:])[0, 2] > 1000.0  # out of the way, for it is in its circle
     assert circles.places_enu_m(at[1:])[0] == pytest.approx([700.0, 700.0, 100.0], abs=1.0)
-    assert circles.max_threat_radius_m == pytest.approx(290.0, abs=0.2)
+    assert circles.max_threat_radius_m == pytest.approx(305.0, abs=0.2)
     (_, later) = team.exchange.with_members((), 300.0)  # It is lost by then, and its path counts still.
     assert later.places_enu_m(np.array([300.0]))[0] == pytest.approx([700.0, 700.0, 100.0], abs=1.0)
 
@@ -190,7 +190,7 @@ def test_a_member_that_is_not_where_it_told_is_an_aircraft_that_passes():
     assert len(found) == 3
     assert off.position_enu_m[0] == 300.0
     assert off.flies_on
-    assert off.max_threat_radius_m == 210.0
+    assert off.max_threat_radius_m == 225.0
 
 
 def test_other_vehicles_stay_as_they_were_sighted():

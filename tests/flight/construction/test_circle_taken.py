@@ -1,0 +1,49 @@
+"""A mission does not end in a circle that another member of a team will come near."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from companion.flight.construction.mission_simulation import is_circle_taken
+from companion.mission.waypoints import Waypoints
+from companion.types.threat import ThreatPicture
+from tests.support.worlds import track
+
+# It flies north at 20 m/s from (0, -1000), is at the origin after 50 s, and ends after 100 s.
+ROUTE = np.array([[0.0, 0.0, -1000.0, 100.0], [100.0, 0.0, 1000.0, 100.0], [101.0, 0.0, 1000.0, 100.0]])
+MEMBER = replace(
+    track(0.0, -1000.0, velocity=(0.0, 20.0), airborne=True, up=100.0, radius=150.0), flies_on=True,
+    route=ROUTE, keeps_route=True, clear_up_m=40.0,
+)  # fmt: skip
+
+
+def taken(centre, arrival_s, other=MEMBER, radius=80.0):
+    state = SimpleNamespace(picture=ThreatPicture(tracks=(other,)), turn_radius_m=80.0)
+    end = np.array([centre])
+    return is_circle_taken(state, Waypoints(end, np.zeros(1), 20.0, end[0], radius), arrival_s)
+
+
+@pytest.mark.parametrize(
+    ("centre", "arrival_s", "expected"),
+    [
+        ((0.0, 0.0, 100.0), 20.0, True),  # it comes in 30 s,
+        ((0.0, 0.0, 100.0), 70.0, False),  # and has passed, 400 m on.
+        ((229.0, 0.0, 100.0), 20.0, True),  # 150 m and a radius of 80 m
+        ((231.0, 0.0, 100.0), 20.0, False),
+        ((0.0, 0.0, 139.0), 20.0, True),
+        ((0.0, 0.0, 141.0), 20.0, False),
+        ((0.0, 1000.0, 100.0), 500.0, True),  # where it stays
+    ],
+)
+def test_all_later_times_count(centre, arrival_s, expected):
+    assert taken(centre, arrival_s) is expected
+
+
+def test_the_autopilots_own_radius_counts_where_the_mission_names_none():
+    assert taken((229.0, 0.0, 100.0), 20.0, radius=0.0)
+
+
+def test_an_aircraft_that_may_fly_elsewhere_takes_no_circle():
+    assert not taken((0.0, 0.0, 100.0), 20.0, replace(MEMBER, keeps_route=False))
