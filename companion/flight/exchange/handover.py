@@ -182,14 +182,16 @@ class Handover:
         before = self._flight.state.flown
         enter_s = constructed.start.state.stamp_s - ENTER_EARLY_S if is_acting else 0.0
         begun_s = self._clock.now_s()
-        if is_acting and (conflict := self._team.propose(constructed)):
-            outcome, reason = SwapOutcome.REFUSED, f"it conflicts with {conflict}"
-        else:
-            outcome, reason = await self._unless_withdrawn(
-                self.swap(constructed, enter_s, plan_number, is_urgent=is_urgent)
-            )
-        if outcome is not SwapOutcome.FLOWN and self._flight.listed.pending is None:
-            self._team.end(is_flown=False)
+        try:
+            if is_acting and (conflict := self._team.propose(constructed)):
+                outcome, reason = SwapOutcome.REFUSED, f"it conflicts with {conflict}"
+            else:
+                outcome, reason = await self._unless_withdrawn(
+                    self.swap(constructed, enter_s, plan_number, is_urgent=is_urgent)
+                )
+        finally:
+            if self._flight.listed.pending is None:  # An unanswered request may yet be flown.
+                self._team.end(is_flown=False)
         self._note_exchange(constructed, outcome, reason, begun_s)
         now, places = self._clock.now_s(), constructed.waypoints.positions_enu_m
         facts = {"occasion": occasion, **constructed.why}
