@@ -27,7 +27,6 @@ import numpy as np
 from companion.frames import M_PER_E7, FloatArray, LocalFrame, longitude_scale
 from companion.team.shared_plan import NUMBERS, SharedPlan, is_newer, largest_distance, simplified
 
-PAYLOAD_TYPE = 0xA7E1  # Above 32,767: a type of one's own, until MAVLink registers one.
 PAYLOAD_BYTES = 128
 VERSION = 1
 REPORT, PLAN = 1, 2
@@ -216,7 +215,7 @@ def read_payload(payload: bytes) -> Report | Fragment:
     Parameters
     ----------
     payload : bytes
-        Payload of a TUNNEL message of :data:`PAYLOAD_TYPE`.
+        Payload of a TUNNEL message of the team's type.
 
     Raises
     ------
