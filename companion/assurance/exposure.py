@@ -151,7 +151,8 @@ class Exposure:
         is_level, away[:, 2] = np.abs(away[:, 2]) <= track.clear_up_m, 0.0
         place, velocity = _deviation(track, (0, 2)), _deviation(track, (1, 3))
         ranges = np.linalg.norm(away, axis=1)
-        nearer = np.maximum(ranges - DEVIATIONS * np.hypot(place, velocity * ahead), 0.0)
+        spread = DEVIATIONS * np.hypot(place, velocity * ahead) + track.circles_m(at.times)
+        nearer = np.maximum(ranges - spread, 0.0)
         seen = is_level & (nearer <= track.max_threat_radius_m)
         mu, _ = _pair(at, away, nearer, track.max_threat_radius_m, seen, self._model)
         return mu, np.zeros(len(mu))  # The own heading does not make such an aircraft less of a threat.

@@ -264,21 +264,40 @@ class GridIndices(Struct):
     filled: Int2D
 
 
+class NearAircraft(Struct):
+    """For each square of the world in each bin of time, which aircraft that fly on may endanger it.
+
+    ``west``, ``south`` the corner of the first square [m]; ``width`` of a square [m]; ``first`` the beginning
+    of the first bin [s]; ``columns``, ``rows`` of squares; ``bins`` of time. The aircraft of cell ``c`` are
+    ``listed`` from ``ends[c]`` to ``ends[c + 1]``, which is (C + 1,).
+    """
+
+    west: float
+    south: float
+    width: float
+    first: float
+    columns: int
+    rows: int
+    bins: int
+    ends: Int1D
+    listed: Int1D
+
+
 class Pursuers(Struct):
     """The DTs' trees (TTree), one a row of the leading axis.
 
     ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
-    ``count`` (D,) nodes in use; ``model`` (D, 14) speed, RD_max, turn radius, airborne flag, step length, and
+    ``count`` (D,) nodes in use; ``model`` (D, 10) speed, RD_max, turn radius, airborne flag, step length, and
     three more of an aircraft that flies on, whose airborne flag is 2: the vertical separation that it must
     have [m], the deviation of its height [m], and 1 if it keeps its route for certain. Its rows say where it
     is now and will be every second. One row more says where it would be in a second if it flew straight. In
     place of its turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
-    The last six columns bound where it endangers anybody: west, east, south, north, low, high [m].
+    In the last two columns stand from when on it circles about its place [s], and with what radius [m].
     ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
     drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
     (:func:`~companion.kernels.printed.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
     of them a cell's centre is reached earliest: -1 none, -2 not looked at yet; ``index`` of the TTrees'
-    nodes, ``path_index`` of the PathTree's.
+    nodes, ``path_index`` of the PathTree's; ``near`` of which of those that fly on are where.
     """
 
     position: Float3D
@@ -293,6 +312,7 @@ class Pursuers(Struct):
     by_corner: Int2D
     index: GridIndices
     path_index: GridIndex
+    near: NearAircraft
 
 
 class Search(Struct):
@@ -399,7 +419,7 @@ def _index_arrays(capacity: int, leading: tuple[int, ...]) -> dict[str, Any]:
 
 
 def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
-    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5 or 14).
+    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5 or 10).
 
     They stay inside ``bounds`` (≥ 4,) [m].
 
@@ -407,8 +427,8 @@ def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_c
     nodes are found by looking at all.
     """
     num = len(models)
-    model = np.zeros((num, 14))
-    model[:, 8::2], model[:, 9::2] = -np.inf, np.inf
+    model = np.zeros((num, 10))
+    model[:, 8] = np.inf
     model[:, : np.shape(models)[1]] = models
     return Pursuers(
         position=np.zeros((num, capacity, 3)),
@@ -423,6 +443,7 @@ def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_c
         by_corner=np.full((num, NUM_CELLS**2), -2, dtype=np.int64),
         index=empty_indices(capacity, num),
         path_index=empty_index(path_capacity),
+        near=NearAircraft(0.0, 0.0, 1.0, 0.0, 1, 1, 1, np.zeros(2, np.int64), np.empty(0, np.int64)),
     )
 
 

@@ -25,10 +25,11 @@ import enum
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from companion.frames import LocalFrame
 from companion.team.pacing import Pacing
+from companion.team.peer import Peer, Proposal
 from companion.team.plan_parts import PlanParts
 from companion.team.separation import margin_between
 from companion.team.shared_plan import SharedPlan
@@ -46,7 +47,8 @@ from companion.team.wire import (
     told_plan,
 )
 
-Conflict = Callable[[SharedPlan, SharedPlan, float], bool]
+Margin = Callable[[SharedPlan, SharedPlan, float], float]
+WORSE_M = 15.0  # What is told of a path is rounded, and its tolerances differ, by no more than this.
 
 
 class Outcome(enum.Enum):
@@ -58,64 +60,6 @@ class Outcome(enum.Enum):
     REFUSED = "refused"
     WITHDRAWN = "withdrawn"
     APPROVED = "approved"
-
-
-@dataclass(frozen=True, slots=True)
-class Peer:
-    """What is known of another member.
-
-    Parameters
-    ----------
-    standing : Standing or None
-        The latest that it said of itself; None if it was never heard.
-    committed : SharedPlan or None
-        The latest of its committed plans that arrived.
-    proposed : SharedPlan or None
-        The proposal, if that arrived.
-    is_approved : bool
-        True if the proposal is approved, False if it is refused.
-    """
-
-    standing: Standing | None = None
-    committed: SharedPlan | None = None
-    proposed: SharedPlan | None = None
-    is_approved: bool = False
-
-    @property
-    def is_known(self) -> bool:
-        """True if the plan is here to which the member says it is committed."""
-        if self.standing is None or self.standing.committed is None:
-            return True
-        return self.committed is not None and self.committed.number == self.standing.committed
-
-    def after(self, standing: Standing) -> Peer:
-        """Return what is known once the member has said more of itself."""
-        if not standing.is_later_than(self.standing):
-            return self
-        proposed, committed = self.proposed, self.committed
-        if proposed is not None and proposed.number == standing.committed:
-            committed = proposed
-        is_proposed = standing.is_pending and proposed is not None and proposed.number == standing.latest
-        return Peer(standing, committed, proposed if is_proposed else None, is_proposed and self.is_approved)
-
-
-@dataclass(frozen=True, slots=True)
-class Proposal:
-    """A member's own proposal.
-
-    Parameters
-    ----------
-    plan : SharedPlan
-        The plan as the others read it.
-    commit_before_s : float
-        UTC time from which on it is too late to commit it [s].
-    approvals : frozenset of int
-        Members that approved it.
-    """
-
-    plan: SharedPlan
-    commit_before_s: float
-    approvals: frozenset[int] = frozenset()
 
 
 class Agreement:
@@ -135,8 +79,9 @@ class Agreement:
         UTC time of the beginning: a member that is never heard is lost ``lost_after_s`` later [s].
     first_number : int
         Number of the first plan. After a restart it has to be newer than any number used before.
-    conflict : callable, optional
-        Decides whether two plans conflict from an instant on; by default the distances of the settings do.
+    margin : callable, optional
+        Least margin of two plans from an instant on, negative if they conflict [m]; by default
+        :func:`margin_between` with the distances of the settings.
     commits_itself : bool
         Whether a proposal is committed as soon as everybody has approved it. Otherwise its owner calls
         :meth:`commit` once it is flown; until then both plans are kept clear of.
@@ -151,14 +96,14 @@ class Agreement:
         *,
         started_s: float,
         first_number: int = 1,
-        conflict: Conflict | None = None,
+        margin: Margin | None = None,
         commits_itself: bool = True,
     ) -> None:
         self.member = member
         self.counters: Counter[str] = Counter()
         self._members = tuple(sorted({*members, member}))
         self._frame, self._settings = frame, settings
-        self._conflict = conflict or self._are_too_close
+        self._margin = margin or self._least_margin
         self._commits_itself = commits_itself
         self._peers = {other: Peer() for other in self._members if other != member}
         self._heard_s = dict.fromkeys(self._peers, started_s)
@@ -225,7 +170,7 @@ class Agreement:
         return frozenset(
             other
             for other, peer in self._peers.items()
-            if peer.committed is not None and self._conflict(own, peer.committed, now_s)
+            if peer.committed is not None and self._margin(own, peer.committed, now_s) < 0.0
         )
 
     def propose(self, plan: SharedPlan, now_s: float, commit_before_s: float = math.inf) -> SharedPlan | None:
@@ -244,7 +189,8 @@ class Agreement:
         Returns
         -------
         SharedPlan or None
-            The plan as the others read it; None if it conflicts with a plan of :meth:`plans_to_clear`.
+            The plan as the others read it; None if it conflicts with a plan of :meth:`plans_to_clear`, unless
+            the committed plan already comes as near to that.
 
         Raises
         ------
@@ -255,7 +201,11 @@ class Agreement:
             raise ValueError("plan: expected one that has begun")
         numbered = replace(plan, member=self.member, number=self._next)
         told = told_plan(numbered, self._frame, self._settings.simplify_m)
-        against = {other.member for other in self.plans_to_clear() if self._conflict(told, other, now_s)}
+        against = {
+            other.member
+            for other in self.plans_to_clear()
+            if self._is_too_near(told, self._committed, other, now_s)
+        }
         if against:
             self._end_proposal(Outcome.REFUSED, frozenset(against))
             return None
@@ -265,6 +215,38 @@ class Agreement:
         self._standing = Standing(self._standing.committed, told.number, is_pending=True)
         self._pacing.note_proposal(now_s)
         self._settle(now_s)
+        return told
+
+    def announce(self, plan: SharedPlan) -> SharedPlan:
+        """Tell what is flown although nobody has approved it, instead of the committed plan.
+
+        That is for what cannot be changed or was not agreed on: the first seconds of a flight, a return, a
+        pilot's own flying. It may conflict with what others have committed before. From now on nobody
+        approves, and nobody who received it proposes, what comes too near to it.
+
+        Parameters
+        ----------
+        plan : SharedPlan
+            What is flown from now on. Its member and number are filled in here.
+
+        Returns
+        -------
+        SharedPlan
+            The plan as the others read it.
+
+        Raises
+        ------
+        ValueError
+            If the plan is too long, or lies beyond what the format holds.
+        """
+        numbered = replace(plan, member=self.member, number=self._next)
+        told = told_plan(numbered, self._frame, self._settings.simplify_m)
+        self._next = next_number(self._next)
+        if self._proposal is not None:
+            self._end_proposal(Outcome.WITHDRAWN)
+        self._committed, self._standing = told, Standing(told.number, told.number)
+        self._pacing.note_news()
+        self._pacing.note_wanted()
         return told
 
     def hold(self) -> None:
@@ -404,12 +386,13 @@ class Agreement:
     def _answer(self, sender: int, plan: SharedPlan, now_s: float) -> None:
         """Approve a proposal, or refuse it.
 
-        It is refused if it conflicts with the committed plan. Of two proposals that conflict, the one that
-        comes later in the order is withdrawn.
+        It is refused if it conflicts with the committed plan, unless what it replaces already comes as near.
+        Of two proposals that conflict, the one that comes later in the order is withdrawn.
         """
         own, committed = self._proposal, self._committed
-        is_approved = committed is None or not self._conflict(committed, plan, now_s)
-        if is_approved and own is not None and self._conflict(own.plan, plan, now_s):
+        replaced = self._peers[sender].committed
+        is_approved = committed is None or not self._is_too_near(plan, replaced, committed, now_s)
+        if is_approved and own is not None and self._margin(own.plan, plan, now_s) < 0.0:
             is_approved = plan.rank < own.plan.rank
             if is_approved:
                 self._end_proposal(Outcome.WITHDRAWN)
@@ -418,7 +401,8 @@ class Agreement:
 
     def _make_way(self, plan: SharedPlan, now_s: float) -> None:
         """Withdraw what is proposed if it conflicts with a committed plan that was not approved here."""
-        if self._proposal is not None and self._conflict(self._proposal.plan, plan, now_s):
+        own = self._proposal
+        if own is not None and self._is_too_near(own.plan, self._committed, plan, now_s):
             self._end_proposal(Outcome.REFUSED, frozenset({plan.member}))
 
     def _take_report(self, sender: int, report: Report, now_s: float) -> None:
@@ -461,5 +445,18 @@ class Agreement:
         self._standing = Standing(committed, self._standing.latest)
         self._pacing.note_news()
 
-    def _are_too_close(self, one: SharedPlan, other: SharedPlan, since_s: float) -> bool:
-        return margin_between(one, other, self._settings, since_s) < 0.0
+    def _is_too_near(
+        self, plan: SharedPlan, replaced: SharedPlan | None, other: SharedPlan, now_s: float
+    ) -> bool:
+        """Return whether a plan conflicts with another one, and nearer than what it replaces.
+
+        Two members that are too near to each other can part only so: all their plans conflict from now on.
+        """
+        margin_m = self._margin(plan, other, now_s)
+        if margin_m >= 0.0 or replaced is None:
+            return margin_m < 0.0
+        before_m = self._margin(replaced, other, now_s)
+        return before_m >= 0.0 or margin_m < before_m - WORSE_M
+
+    def _least_margin(self, one: SharedPlan, other: SharedPlan, since_s: float) -> float:
+        return margin_between(one, other, self._settings, since_s)

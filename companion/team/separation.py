@@ -15,7 +15,8 @@ def margin_between(one: SharedPlan, other: SharedPlan, settings: TeamSettings, s
     """Return the least margin of two plans from an instant on [m]; negative if they conflict.
 
     Both tolerances are added to the distances that are to be kept. It suffices to keep the horizontal
-    distance or the vertical one.
+    distance or the vertical one. Of the two margins the larger counts, the vertical one in proportion to the
+    distances: a half of the vertical distance is as good as a half of the horizontal one.
 
     Parameters
     ----------
@@ -26,11 +27,12 @@ def margin_between(one: SharedPlan, other: SharedPlan, settings: TeamSettings, s
     since_s : float
         UTC time from which on the plans are compared [s].
     """
+    apart_m = settings.apart_m + one.tolerance_m + other.tolerance_m
+    apart_up_m = settings.apart_up_m + one.tolerance_up_m + other.tolerance_up_m
+    scales = np.array([1.0, 1.0, 1.0, apart_m / apart_up_m])
     return least_margin(
-        one.rows, one.discs_m, other.rows, other.discs_m, since_s,
-        settings.apart_m + one.tolerance_m + other.tolerance_m,
-        settings.apart_up_m + one.tolerance_up_m + other.tolerance_up_m,
-    )  # fmt: skip
+        one.rows * scales, one.discs_m, other.rows * scales, other.discs_m, since_s, apart_m, apart_m
+    )
 
 
 class PackedPlans:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,6 +117,10 @@ class TrackState:
         goes on after the last row as it did before it.
     keeps_route : bool
         True if it flies its route for certain; otherwise it may also fly straight on from now.
+    circle_m : float
+        Radius of the circle that it flies about the last place of its route [m].
+    circles_from_s : float
+        Clock reading from which on it may be anywhere in that circle [s].
     """
 
     stamp_s: float
@@ -134,6 +139,18 @@ class TrackState:
     height_std_m: float = HEIGHT_STD_M
     route: FloatArray | None = None
     keeps_route: bool = False
+    circle_m: float = 0.0
+    circles_from_s: float = math.inf
+
+    def circles_m(self, times_s: FloatArray) -> FloatArray:
+        """Return how far it may be from its place, as it flies a circle about it, (N,) [m].
+
+        Parameters
+        ----------
+        times_s : ndarray, shape (N,)
+            Clock readings [s].
+        """
+        return np.where(times_s >= self.circles_from_s, self.circle_m, 0.0)
 
     def places_enu_m(self, times_s: FloatArray) -> FloatArray:
         """Return where it will be, (N, 3) [m].

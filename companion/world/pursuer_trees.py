@@ -8,14 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.kernels.arrays import Obstacles, Pursuers, empty_pursuers
-from companion.kernels.objective.row_costs import MARGIN_M, MARGIN_UP_M
-from companion.kernels.printed.reachability import SPREADS_S
 from companion.kernels.printed.threat_tree import FLIES_ON, re_root
+from companion.kernels.threat.near_aircraft import near_aircraft
 from companion.types.threat import TURNS_S, ThreatTree, TrackState
 
-EVERYWHERE = (-math.inf, math.inf) * 3
-NOT_PASSING = (0.0, 0.0, 0.0, *EVERYWHERE)  # In a model's columns for aircraft that fly on.
-BESIDE_M = 1.0  # The bounds of where an aircraft endangers others are so much wider than has to be.
+NOT_PASSING = (0.0, 0.0, 0.0, math.inf, 0.0)  # In a model's columns for aircraft that fly on.
 STEP_S = 2.0  # One edge of a TTree takes this driving time.
 CAPACITY = 1500  # A TTree has at most this many nodes.
 # A plan starts with at most this many nodes of the last one, so that it can grow its own.
@@ -47,7 +44,7 @@ def threat_trees(
     with_corners : bool
         Whether the trees contain the shortest paths round the obstacles' corners from the start.
     """
-    models = np.array([_model_of(track) for track in tracks], dtype=np.float64).reshape(-1, 14)
+    models = np.array([_model_of(track) for track in tracks], dtype=np.float64).reshape(-1, 10)
     trees = empty_pursuers(CAPACITY, models, np.array(bounds, dtype=np.float64), PATH_CAPACITY)
     before = {(tree.identity, tree.is_airborne): tree for tree in kept}
     for d, track in enumerate(tracks):
@@ -58,7 +55,7 @@ def threat_trees(
         if tree is not None:
             restore_tree(trees, d, tree)
         observe(trees, d, track, obstacles, plane_up_m, with_corners)
-    return trees
+    return near_aircraft(trees)
 
 
 def _model_of(track: TrackState) -> list[float]:
@@ -67,26 +64,9 @@ def _model_of(track: TrackState) -> list[float]:
     if track.flies_on:
         place, velocity = deviations(track)
         passing = [track.clear_up_m, track.height_std_m, float(track.keeps_route)]
-        return [speed, reach, place, FLIES_ON, velocity, *passing, *_bounds_of(track)]
+        circle = [track.circles_from_s, track.circle_m]
+        return [speed, reach, place, FLIES_ON, velocity, *passing, *circle]
     return [speed, reach, track.turn_radius_m, float(track.is_airborne), STEP_S * speed, *NOT_PASSING]
-
-
-def _bounds_of(track: TrackState) -> tuple[float, ...]:
-    """Return west, east, south, north, low and high [m] of where an aircraft that flies on endangers others.
-
-    One that keeps its route stays where that ends; any other may come anywhere.
-    """
-    if track.route is None or not track.keeps_route or (track.route[-1, 1:] != track.route[-2, 1:]).any():
-        return EVERYWHERE
-    places = track.route[track.route[:, 0] >= track.stamp_s - 1.0][:, 1:]
-    places = np.vstack([places, track.route[-1:, 1:], [track.position_enu_m]])
-    place, velocity = deviations(track)
-    spread = 2.0 * math.hypot(place, velocity * SPREADS_S)
-    beside = track.max_threat_radius_m + spread + MARGIN_M + BESIDE_M
-    above = track.clear_up_m + 2.0 * track.height_std_m + MARGIN_UP_M + BESIDE_M
-    margins = np.array([beside, beside, above])
-    low, high = places.min(axis=0) - margins, places.max(axis=0) + margins
-    return tuple(float(value) for pair in zip(low, high, strict=True) for value in pair)
 
 
 def deviations(track: TrackState) -> tuple[float, float]:

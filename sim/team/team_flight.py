@@ -1,7 +1,7 @@
 """Several aircraft, autopilots and services in one simulated world, with a radio between them.
 
 Odd members fly from the mission's start to its goal, even ones the other way, so that they meet. Starts and
-goals lie side by side: no two circles at the ends overlap.
+goals lie side by side: no two circles overlap at the goals, or before the first plan.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,12 +22,13 @@ from companion.config.sections.team_section import TeamConfig
 from companion.errors import CompanionError
 from companion.frames import FloatArray
 from companion.types.events import Dialect
+from sim.autopilot.operator_missions import ground_of, safe_loiter
 from sim.sitl import LINGER_S, Flight
 from sim.team.simulated_radio import Radio
 
 SPOTS_M = 60.0  # Starts and goals are sought on a grid of this size.
 SPOTS_MAX = 5_000
-START_APART = 1.5  # Starts are so many times as far apart as members have to be.
+Circled = Callable[[FloatArray, int], FloatArray]
 
 
 class NoPlaceError(CompanionError):
@@ -181,11 +183,20 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     circle_m = 1.3 * float(mission.vehicle.turn_radius_min_m)
     free_m, beside_m = circle_m + team.tolerance_m, team.apart_m + 2.0 * team.tolerance_m
     ends = [np.array([place.east_m, place.north_m]) for place in (start, goal)]
+    apart_m = 2.0 * circle_m + beside_m
     num_of = [(num + 1) // 2, num // 2]
-    starts, goals = (
-        [_spots(mission, end, count, free_m, apart_m) for end, count in zip(ends, counts, strict=True)]
-        for apart_m, counts in ((START_APART * beside_m, num_of), (2.0 * circle_m + beside_m, num_of[::-1]))
-    )
+    goals = [
+        _spots(mission, end, count, free_m, apart_m, lambda place, _: place)
+        for end, count in zip(ends, num_of[::-1], strict=True)
+    ]
+
+    def circled_from(way: int) -> Circled:
+        return lambda place, index: _circle_before_the_first_plan(mission, place, goals[1 - way][index])
+
+    starts = [
+        _spots(mission, end, count, free_m, apart_m, circled_from(way))
+        for way, (end, count) in enumerate(zip(ends, num_of, strict=True))
+    ]
     missions = []
     for number in range(num):
         way, index = number % 2, number // 2
@@ -213,12 +224,30 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     return missions
 
 
+def _circle_before_the_first_plan(mission: MissionConfig, place: FloatArray, goal: FloatArray) -> FloatArray:
+    """Return the centre (2,) of the circle of the operator's mission [m].
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission.
+    place, goal : ndarray, shape (2,)
+        Start and goal of the member, east and north [m].
+    """
+    east, north = float(place[0]), float(place[1])
+    course_rad = math.atan2(goal[0] - east, goal[1] - north)
+    radius_m = float(round(mission.vehicle.turn_radius_min_m))
+    start = (east, north, float(mission.start.up_m))
+    return np.array(safe_loiter(mission.obstacle_list, start, course_rad, radius_m, ground_of(mission)[0]))
+
+
 def _spots(
-    mission: MissionConfig, near: FloatArray, num: int, free_m: float, apart_m: float
+    mission: MissionConfig, near: FloatArray, num: int, free_m: float, apart_m: float, circled: Circled
 ) -> list[FloatArray]:
-    """Return the ``num`` free places, each (2,), nearest to ``near`` (2,), ``apart_m`` from each other [m].
+    """Return the ``num`` free places, each (2,), nearest to ``near`` (2,), with circles that keep clear.
 
     A place is free if a circle of ``free_m`` about it is inside the bounds and clear of all obstacles [m].
+    Places, and the centres that ``circled`` gives for a place and its number, are ``apart_m`` apart [m].
     """
     walls = shapely.union_all([shapely.Polygon(wall.polygon_enu_m) for wall in mission.obstacle_list])
     area = shapely.box(
@@ -231,12 +260,17 @@ def _spots(
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid = grid[np.argsort(np.hypot(*grid.T), kind="stable")][:SPOTS_MAX]
     found: list[FloatArray] = []
+    centres: list[FloatArray] = []
+
     for place in near + grid:
         point = shapely.Point(place)
         if not area.contains(point) or walls.distance(point) < free_m:
             continue
-        if all(math.dist(place, other) >= apart_m for other in found):
+        centre = circled(place, len(found))
+        others = [*found, *centres]
+        if all(math.dist(one, other) >= apart_m for one in (place, centre) for other in others):
             found.append(place)
+            centres.append(centre)
             if len(found) == num:
                 return found
     raise NoPlaceError(

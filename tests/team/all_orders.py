@@ -56,6 +56,11 @@ def conflicts_of(game):
     )
 
 
+def margins_of(game):
+    are_in_conflict = conflicts_of(game)
+    return lambda one, other, since_s: -1.0 if are_in_conflict(one, other, since_s) else 1.0
+
+
 def copied(one):
     """A copy of a member. Its pacing has no memory, because everything may be sent at once."""
     other = object.__new__(type(one))
@@ -105,7 +110,7 @@ class Locals:
     def __init__(self, game, member, messages):
         self.game, self.member, self.messages = game, member, messages
         self.met, self.states, self.inert, self.heard, self.acted = {}, [], [], [], []
-        make = {"frame": FRAME, "settings": AT_ONCE, "started_s": BEGIN_S, "conflict": conflicts_of(game)}
+        make = {"frame": FRAME, "settings": AT_ONCE, "started_s": BEGIN_S, "margin": margins_of(game)}
         self.first = self.number(game.kind(member, MEMBERS, **make), BEGIN_S, frozenset())
 
     def number(self, one, clock_s, ever_lost):

@@ -117,6 +117,33 @@ def test_of_two_proposals_at_once_the_order_takes_one(first, second, winner):
     assert team.outcomes() == expected
 
 
+def test_what_is_announced_is_kept_clear_of_without_being_approved():
+    team = Team()
+    team.members[2].propose(NORTH, team.now_s)
+    team.members[1].announce(EAST)
+    team.pass_time(3)
+    assert team.members[2].outcome() is Outcome.REFUSED
+    assert team.members[2].refused_by == {1}
+    assert team.numbers() == [1, None, None]
+    assert [len(one.plans_to_clear()) for one in team.members.values()] == [0, 1, 1]
+
+
+def test_two_that_are_too_near_to_each_other_may_part_but_come_no_nearer():
+    """Two fly side by side, 50 m apart. One may turn away from the other, and not into its way."""
+    team = Team(num=2)
+    side_by_side = [plan((0, north, 100), (4000, north, 100), radius_m=0.0) for north in (0, 50)]
+    for member, each in zip(team.members.values(), side_by_side, strict=True):
+        member.announce(each)
+    team.pass_time(3)
+    assert [one.members_in_conflict(team.now_s) for one in team.members.values()] == [{2}, {1}]
+    nearer, farther = (plan((0, 50, 100), (2000, north, 100)) for north in (-200, 1000))
+    assert team.members[2].propose(nearer, team.now_s) is None
+    assert team.members[2].refused_by == {1}
+    assert team.members[2].propose(farther, team.now_s) is not None
+    team.pass_time(3)
+    assert team.members[2].outcome() is Outcome.COMMITTED
+
+
 def test_a_plan_is_withdrawn_when_it_is_too_late_for_it():
     team = Team()
     team.deaf = {3}

@@ -110,13 +110,11 @@ class Delivery:
     """Members whose messages are lost and late by chance, and in any order."""
 
     def __init__(self, ranks, conflicts, seed):
-        def conflict(one, other, since_s):
-            return frozenset({one.member, other.member}) in conflicts
+        def margin(one, other, since_s):
+            return -1.0 if frozenset({one.member, other.member}) in conflicts else 1.0
 
         ids = range(1, len(ranks) + 1)
-        self.members = {
-            m: Agreement(m, ids, FRAME, SETTINGS, started_s=BEGIN_S, conflict=conflict) for m in ids
-        }
+        self.members = {m: Agreement(m, ids, FRAME, SETTINGS, started_s=BEGIN_S, margin=margin) for m in ids}
         self.rng, self.now_s, self.late = np.random.default_rng(seed), BEGIN_S, []
         for m, (is_emergency, room) in zip(ids, ranks, strict=True):
             self.members[m].propose(replace(DRAFT, is_emergency=is_emergency, room=room), BEGIN_S)

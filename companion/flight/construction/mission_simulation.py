@@ -257,7 +257,8 @@ def is_circle_taken(state: FlightState, waypoints: Waypoints, arrival_s: float) 
         if track.keeps_route and track.route is not None:
             times = np.arange(arrival_s, max(arrival_s, float(track.route[-1, 0])) + STEP_S, STEP_S)
             away = track.places_enu_m(times) - centre
-            is_near = np.hypot(away[:, 0], away[:, 1]) < own_m + track.max_threat_radius_m
+            reach_m = track.max_threat_radius_m + track.circles_m(times)
+            is_near = np.hypot(away[:, 0], away[:, 1]) < own_m + reach_m
             if (is_near & (np.abs(away[:, 2]) < track.clear_up_m)).any():
                 return True
     return False

@@ -16,24 +16,22 @@ import numpy as np
 from companion.clock import Clock
 from companion.config.sections.team_section import TeamConfig
 from companion.flight.construction.mission_construction import ConstructedMission
+from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind, Verdict
 from companion.flight.state.flight_state import StateOwner
-from companion.frames import FloatArray
 from companion.team.agreement import Agreement, Outcome
+from companion.team.member_tracks import STOPS_S, may_come_into, members_among, track_of_plan
 from companion.team.shared_plan import NUMBERS, SharedPlan, entering_circle
 from companion.team.team_settings import TeamSettings
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import ClockReported, TeamMessage
-from companion.types.threat import TrackState, places_on_route
+from companion.types.threat import TrackState
 
-IDENTITY = "system:"  # What a vehicle's own position reports are tracked under, with its system id.
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
-STOPS_S = 1.0  # A member of a team is in its circle from this time after the end of its path at the latest.
 REPLY_S, REPEAT_S, QUIET_S = 0.4, 1.0, 5.0  # As in TeamSettings: a plan has seconds to be approved.
 PLANNED_BESIDE_M = 25.0  # Tolerances of told plans are up to about 10 m larger, and plans keep off that.
-FAR_ABOVE_M = 10_000.0
 
 
 def settings_of(config: TeamConfig) -> TeamSettings:
@@ -93,6 +91,7 @@ class TeamExchange:
         self._announcer = announcer
         self._utc = UtcClock()
         self._agreement: Agreement | None = None
+        self._announced = AnnouncedPlan()
         self._is_asking = False
         self._lost = frozenset[int]()
 
@@ -125,6 +124,7 @@ class TeamExchange:
         agreement, utc_s = self.agreement, self._utc_s()
         if agreement is None or utc_s is None:
             return
+        self._announce(agreement, utc_s)
         for payload in agreement.outgoing(utc_s):
             self._link.send(self._link.codec.team_message(payload))
         lost = agreement.members_lost(utc_s)
@@ -136,6 +136,15 @@ class TeamExchange:
                 member=member,
             )  # fmt: skip
         self._lost = lost
+
+    def _announce(self, agreement: Agreement, utc_s: float) -> None:
+        """Announce what is flown if that is nothing that the others know."""
+        state, now_s = self._flight.state, self._clock.now_s()
+        ownship, config = self._ownship.state(now_s), state.mission.team
+        if ownship is None or config is None or not self._announced.is_due(agreement, ownship, utc_s):
+            return
+        rows = announced_rows(state, ownship, self._link.autopilot.current)
+        agreement.announce(self._announced.plan(rows, config, utc_s - now_s))
 
     # --- proposals
 
@@ -156,6 +165,7 @@ class TeamExchange:
         if plan is None:
             return ""
         self._is_asking = True
+        self._announce(agreement, utc_s)
         if agreement.propose(plan, utc_s, constructed.start.state.stamp_s + ahead_s) is None:
             return f"the path of system {_listed(agreement.refused_by)}"
         return ""
@@ -234,15 +244,10 @@ class TeamExchange:
         agreement, config = self._agreement, self._flight.state.mission.team
         if agreement is None or config is None or self._utc.ahead_s is None:
             return tuple(tracks)
-        ahead_s, others = self._utc.ahead_s, []
-        sighted: dict[int, TrackState] = {}
-        for track in tracks:
-            number = track.identity.removeprefix(IDENTITY)
-            if number != track.identity and number.isdecimal() and int(number) in config.members:
-                sighted[int(number)] = track
-                agreement.observe(int(number), track.position_enu_m, track.stamp_s + ahead_s)
-            else:
-                others.append(track)
+        ahead_s = self._utc.ahead_s
+        sighted, others = members_among(tracks, config.members)
+        for member, track in sighted.items():
+            agreement.observe(member, track.position_enu_m, track.stamp_s + ahead_s)
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
         plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
@@ -253,66 +258,14 @@ class TeamExchange:
             for member, track in sighted.items()
             if member not in as_told
         ]
-        for plan in plans:
-            others += _on_plan(plan, now_s, ahead_s, reach_m, up_m)
+        bounds = self._flight.state.mission.bounds
+        area = np.array([bounds.east_m, bounds.north_m, bounds.up_m])
+        others += [
+            track_of_plan(plan, now_s, ahead_s, reach_m, up_m)
+            for plan in plans
+            if may_come_into(area, plan, reach_m, up_m)
+        ]
         return tuple(sorted(others, key=lambda track: track.identity))
-
-
-def _on_plan(
-    plan: SharedPlan, now_s: float, ahead_s: float, reach_m: float, up_m: float
-) -> tuple[TrackState, TrackState]:
-    """Return a member that flies its plan as two tracks: one up to the circle, one in it.
-
-    A track has one radius. So the first is far above from the end of the path on, and the second before.
-
-    Parameters
-    ----------
-    plan : SharedPlan
-        The plan.
-    now_s, ahead_s : float
-        The clock's reading, and UTC less that [s].
-    reach_m, up_m : float
-        Horizontal and vertical distance to be kept [m].
-    """
-    rows = plan.rows.copy()
-    rows[:, 0] -= ahead_s
-    centre, end_s = rows[-1, 1:], max(float(rows[-1, 0]), now_s + STOPS_S)
-    away = centre + np.array([0.0, 0.0, FAR_ABOVE_M])
-    flown = rows[np.append(np.diff(rows[:, 0]) > 0.0, False)]
-    path = [*flown, (end_s, *centre), (end_s + STOPS_S, *away), (end_s + 2.0 * STOPS_S, *away)]
-    circle = [(now_s, *away), (end_s - STOPS_S, *away), (end_s, *centre), (end_s + STOPS_S, *centre)]
-    if now_s + ahead_s >= plan.end_s:
-        path = [(now_s, *away), (now_s + STOPS_S, *away)]
-        circle = [(now_s, *centre), (now_s + STOPS_S, *centre)]
-    name = f"{IDENTITY}{plan.member}"
-    return (
-        _on_route(name, now_s, np.array(path), reach_m, up_m),
-        _on_route(f"{name} circle", now_s, np.array(circle), reach_m + plan.radius_m, up_m),
-    )
-
-
-def _on_route(name: str, now_s: float, route: FloatArray, reach_m: float, up_m: float) -> TrackState:
-    """Return a track that flies a ``route`` (N, 4) for certain."""
-    route = route[np.append(True, np.diff(route[:, 0]) > 0.0)]
-    place, then = places_on_route(route, now_s + np.array([0.0, STOPS_S]))
-    velocity = (then - place) / STOPS_S
-    return TrackState(
-        stamp_s=now_s,
-        identity=name,
-        position_enu_m=(float(place[0]), float(place[1]), float(place[2])),
-        velocity_enu_m_s=(float(velocity[0]), float(velocity[1]), float(velocity[2])),
-        covariance=np.zeros((4, 4)),
-        speed_max_m_s=float(np.hypot(velocity[0], velocity[1])),
-        max_threat_radius_m=reach_m,
-        turn_radius_m=reach_m,
-        is_airborne=True,
-        observed_s=now_s,
-        flies_on=True,
-        clear_up_m=up_m,
-        height_std_m=0.0,
-        route=route,
-        keeps_route=True,
-    )
 
 
 def _listed(members: Iterable[int]) -> str:

@@ -164,4 +164,5 @@ def passing_reaches(path: Path, track: TrackState, ahead_s: float) -> float:
     steps = np.diff(apart, axis=0)
     along = -(apart[:-1] * steps).sum(axis=1) / np.maximum((steps * steps).sum(axis=1), 1e-9)
     nearest = np.vstack([apart[-1], apart[:-1] + np.clip(along, 0.0, 1.0)[:, None] * steps])
-    return float(np.linalg.norm(nearest, axis=1).min()) / track.max_threat_radius_m
+    away = np.linalg.norm(nearest, axis=1) - track.circles_m(np.append(times[-1], times[1:]))
+    return max(float(away.min()), 0.0) / track.max_threat_radius_m

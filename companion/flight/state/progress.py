@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,9 @@ OFF_HEIGHT_MAX_M = 25.0  # So is an aircraft that is this far above or below it.
 LAST_LEG_S = 10.0  # A new plan is useless if less than this is left of the flown path when it takes effect.
 # Largest budget and exchange margin of a plan that answers a surprise.
 URGENT_BUDGET_S, URGENT_MARGIN_S = 0.2, 0.3
-TEAM_S = 2.0  # The members of a team need about so long to approve a plan.
+# A team is asked again every second. Of the members that have not answered, more than half do so each time
+# even if one message in five is lost.
+ASKED_EACH_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,8 @@ def lead_s(state: FlightState, *, is_urgent: bool = False) -> float:
     margin = float(state.mission.planning.swap_margin_s)
     if is_urgent:
         margin = min(margin, URGENT_MARGIN_S)
-    asking_s = 0.0 if state.mission.team is None else TEAM_S
+    team = state.mission.team
+    asking_s = 0.0 if team is None else ASKED_EACH_S * (1.0 + math.log2(len(team.members)))
     return budget_s(state.rules, is_urgent=is_urgent) + margin + state.mission_list.exchange_s + asking_s
 
 

@@ -22,7 +22,8 @@ from companion.kernels.native.struct import Struct
 from companion.kernels.printed.reachability import passing_place, passing_spread
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
-from companion.kernels.threat.pursuit_game import PASSES_BY, threatened_from
+from companion.kernels.threat.near_aircraft import MARGIN_M, MARGIN_UP_M, cell_at
+from companion.kernels.threat.pursuit_game import threatened_from
 from companion.kernels.workspace import FilterScratch, PathRows
 
 SEEN = 0.5  # A second counts as in sight from this membership on.
@@ -30,7 +31,6 @@ CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on clim
 AT_CENTRE = 5.0  # A second in the middle of a well clear volume costs so much more than one at its surface.
 # The same where an aircraft keeps its route for certain: beyond a few metres inside, no search passes it.
 AT_KEPT_CENTRE = 100.0
-MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
 
 
@@ -101,17 +101,11 @@ def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objecti
         return 1.0
     if begins < late:
         worst = (late - begins) / game.slack
-    for d in range(game.vehicles.shape[0]):
-        if game.vehicles[d, 7] == PASSES_BY and may_endanger(objective.pursuers.model[d], x, y, z):
-            worst = max(worst, passing_danger(objective.pursuers, d, x, y, z, time))
+    near = objective.pursuers.near
+    cell = cell_at(near, x, y, time)
+    for i in range(near.ends[cell], near.ends[cell + 1]):
+        worst = max(worst, passing_danger(objective.pursuers, near.listed[i], x, y, z, time))
     return worst
-
-
-@inlined
-def may_endanger(model: Float1D, x: float, y: float, z: float) -> bool:
-    """Whether a place is inside the bounds of where an aircraft that flies on endangers anybody."""
-    is_beside = x < model[8] or x > model[9] or y < model[10] or y > model[11]
-    return not (is_beside or z < model[12] or z > model[13])
 
 
 @kernel

@@ -214,8 +214,8 @@ def passing_place(trees: Pursuers, d: int, time: float, last: int) -> tuple[floa
 
     Its rows are a second apart; from row ``last`` on it flies straight.
     """
-    ahead = time - trees.time[d, 0]
-    k = min(max(0, int(ahead)), last)
+    ahead = max(0.0, time - trees.time[d, 0])
+    k = min(int(ahead), last)
     now, soon, part = trees.position[d, k], trees.position[d, k + 1], ahead - k
     return (
         now[0] + part * (soon[0] - now[0]),
@@ -226,9 +226,13 @@ def passing_place(trees: Pursuers, d: int, time: float, last: int) -> tuple[floa
 
 @inlined
 def passing_spread(trees: Pursuers, d: int, time: float) -> float:
-    """Twice the standard deviation of where an aircraft that flies on is at a time [m]."""
+    """How far from its place an aircraft that flies on may be at a time [m].
+
+    That is twice the standard deviation of the place, and the radius of the circle that it flies about it.
+    """
     ahead = min(time - trees.time[d, 0], SPREADS_S)
-    return 2.0 * math.hypot(trees.model[d, 2], trees.model[d, 4] * ahead)
+    circle = trees.model[d, 9] if time >= trees.model[d, 8] else 0.0
+    return circle + 2.0 * math.hypot(trees.model[d, 2], trees.model[d, 4] * ahead)
 
 
 @kernel_numpy_errors

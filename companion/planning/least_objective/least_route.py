@@ -146,18 +146,30 @@ class LeastRouteSearch:
         """The cheapest path that is found, by J, or the branch that comes nearest to the last goal.
 
         Before pursuers each airspeed has a V and trees of its own. A path that they cannot bar goes before
-        one that they can. Where nothing pursues, only cruise is flown; aircraft that pass are foreseen in V.
+        one that they can. Where nothing pursues, only cruise is flown. Aircraft that pass are foreseen in V
+        if the path that is found without foresight comes near to any of them.
         """
         if math.isinf(self.bound_s):
             return self._to_goals_before()
-        if not len(self._exploration.game.vehicles):
-            return self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
+        if not self._exploration.is_pursued:
+            alone = self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
+            if not len(self._exploration.game.vehicles) or self._is_clear_of_all(alone):
+                return alone
+            foreseen = self._at_best_airspeed(MOST_DANGER)
+            return alone if foreseen is None or foreseen.cost_s > alone.cost_s else foreseen
         found = self._at_best_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
             found = self._at_best_airspeed(MOST_DANGER)
             assert found is not None  # nothing is barred, so that the airspeed tried first has an answer
         self._exploration.start_afresh(found.objective.limits.v_cruise)
         return found
+
+    def _is_clear_of_all(self, found: Searched) -> bool:
+        """Whether a path to the goal costs nothing on account of others: it is as good as without them."""
+        if not found.reached:
+            return False
+        prices = found.objective.prices._replace(pursued=0.0)
+        return objective_between(found.objective._replace(prices=prices), found.route) == found.cost_s
 
     def _to_goals_before(self) -> Searched:
         """A path to as many goals as V leads to in their order; it does not lead to the last one."""

@@ -8,18 +8,24 @@ import numpy as np
 import pytest
 
 from companion.clock import ManualClock
+from companion.config.models import Bounds
 from companion.config.sections.team_section import TeamConfig
-from companion.flight.exchange.team_exchange import TeamExchange, UtcClock
+from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows
+from companion.flight.exchange.team_exchange import TeamExchange, UtcClock, settings_of
 from companion.flight.state.decision import Verdict
 from companion.mission.waypoints import Waypoints
 from companion.team.agreement import Agreement, Outcome
 from companion.team.shared_plan import SharedPlan
 from companion.team.team_settings import TeamSettings
-from companion.types.events import ClockReported, TeamMessage
+from companion.types.events import ClockReported, Motion, TeamMessage
+from companion.types.state import Ownship
 from companion.types.threat import TrackState
+from tests.flight.construction.test_cycle import state
+from tests.flight.prediction.test_mode_tracks import in_mode
 from tests.support.paths import path_of
 from tests.team.team_plans import FRAME
 
+BOUNDS = Bounds(east_m=(-2000.0, 2000.0), north_m=(-2000.0, 2000.0), up_m=(0.0, 200.0))
 AHEAD_S = 1.9e9  # UTC less the clock
 TEAM = TeamConfig(members=(1, 2, 3), apart_m=100.0, apart_up_m=30.0, tolerance_m=50.0, tolerance_up_m=10.0)
 
@@ -30,16 +36,20 @@ class Team:
     def __init__(self, team=TEAM):
         self.clock, self.sent, self.told = ManualClock(), [], []
         self.state = SimpleNamespace(
-            mission=SimpleNamespace(team=team, frame=FRAME), flown=None, turn_radius_m=80.0
+            mission=SimpleNamespace(team=team, frame=FRAME, bounds=BOUNDS), flown=None, turn_radius_m=80.0
         )
-        own = SimpleNamespace(position_enu_m=(0.0, 0.0, 100.0), airspeed_m_s=20.0)
+        self.own = Ownship(0.0, (0.0, 0.0, 100.0), 0.0, 0.0, 20.0, 0.0)
         codec = SimpleNamespace(vehicle_system_id=1, team_message=lambda payload: payload)
         self.exchange = TeamExchange(
-            SimpleNamespace(state=self.state), SimpleNamespace(state=lambda _now: own),
-            SimpleNamespace(codec=codec, send=self.sent.append), self.clock,
+            SimpleNamespace(state=self.state), SimpleNamespace(state=self._own_at),
+            SimpleNamespace(codec=codec, send=self.sent.append, autopilot=SimpleNamespace(current=None)),
+            self.clock,
             SimpleNamespace(decide=lambda kind, text, **_more: self.told.append(text)),
         )  # fmt: skip
         self.others = {}
+
+    def _own_at(self, now_s):
+        return replace(self.own, stamp_s=now_s)
 
     def begin(self):
         self.exchange.take(ClockReported(0.0, AHEAD_S))
@@ -114,11 +124,11 @@ def test_a_mission_may_be_entered_once_all_have_approved_and_is_committed_once_i
     assert not team.exchange.is_given
     team.talk(4.0)
     assert team.exchange.is_given
-    assert team.exchange.agreement.committed is None
+    assert team.exchange.agreement.committed.end_s == AHEAD_S  # Where it stood.
     team.exchange.hold()
     team.talk(30.0)  # The autopilot has not answered for a long while: the proposal is still kept clear of.
     assert team.exchange.is_given
-    assert [plan.member for plan in team.others[2].plans_to_clear()] == [1]
+    assert [plan.member for plan in team.others[2].plans_to_clear()] == [1, 1]
     team.exchange.end(is_flown=True)
     told = team.exchange.agreement.committed
     assert told.radius_m == pytest.approx(80.0)
@@ -158,17 +168,16 @@ def test_the_others_are_where_they_told_and_in_their_circles_then():
     team = Team().begin()
     crossing(team)
     team.talk(5.0)
-    flies, circles = team.exchange.with_members((), 5.0)
-    assert (flies.identity, circles.identity) == ("system:2", "system:2 circle")
+    (flies,) = team.exchange.with_members((), 5.0)
+    assert flies.identity == "system:2"
     assert flies.keeps_route
     assert flies.flies_on
     assert (flies.max_threat_radius_m, flies.clear_up_m) == (225.0, 50.0)
     at = AHEAD_S + np.array([35.0, 200.0]) - AHEAD_S
     assert flies.places_enu_m(at[:1])[0] == pytest.approx([700.0, 0.0, 100.0], abs=5.0)
-    assert flies.places_enu_m(at[1:])[0, 2] > 1000.0  # out of the way, for it is in its circle
-    assert circles.places_enu_m(at[1:])[0] == pytest.approx([700.0, 700.0, 100.0], abs=1.0)
-    assert circles.max_threat_radius_m == pytest.approx(305.0, abs=0.2)
-    (_, later) = team.exchange.with_members((), 300.0)  # It is lost by then, and its path counts still.
+    assert flies.places_enu_m(at[1:])[0] == pytest.approx([700.0, 700.0, 100.0], abs=1.0)
+    assert flies.circles_m(at) == pytest.approx([0.0, 80.0], abs=0.2)
+    (later,) = team.exchange.with_members((), 300.0)  # It is lost by then, and its path counts still.
     assert later.places_enu_m(np.array([300.0]))[0] == pytest.approx([700.0, 700.0, 100.0], abs=1.0)
 
 
@@ -183,11 +192,11 @@ def test_a_member_that_is_not_where_it_told_is_an_aircraft_that_passes():
     crossing(team)
     team.talk(5.0)
     on_path = sighted((700.0, -600.0, 100.0), 5.0)
-    assert len(team.exchange.with_members((on_path,), 5.0)) == 2
+    assert len(team.exchange.with_members((on_path,), 5.0)) == 1
     for now_s in np.arange(5.0, 12.0):
         found = team.exchange.with_members((sighted((300.0, -600.0, 100.0), now_s),), now_s)
     (off,) = (track for track in found if not track.keeps_route)
-    assert len(found) == 3
+    assert len(found) == 2
     assert off.position_enu_m[0] == 300.0
     assert off.flies_on
     assert off.max_threat_radius_m == 225.0
@@ -217,3 +226,53 @@ def test_an_emergency_goes_before_the_proposals_of_others():
     team.exchange.propose(mission(*AHEAD, verdict=Verdict.EMERGENCY))
     assert team.exchange.agreement.proposed.is_emergency
     assert math.isfinite(team.exchange.agreement.proposed.end_s)
+
+
+def test_before_its_first_plan_a_member_announces_where_it_is_and_nobody_is_allowed_to_come_there():
+    team = Team().begin()
+    team.talk(2.0)
+    for other in team.others.values():
+        (announced,) = other.plans_to_clear()
+        assert announced.place_at(AHEAD_S + 500.0) == pytest.approx((0.0, 0.0, 100.0), abs=1.0)
+    rows = [[AHEAD_S, -500.0, 0.0, 100.0], [AHEAD_S + 50.0, 500.0, 0.0, 100.0]]
+    assert team.others[2].propose(SharedPlan(2, 0, np.array(rows), 80.0, 50.0, 10.0), AHEAD_S + 2.0) is None
+
+
+def flying(bank_rad=0.0):
+    """An aircraft that flies east at 25 m/s from (1000, 0, 100)."""
+    return replace(state(east=1000.0, north=0.0, up=100.0), bank_rad=bank_rad)
+
+
+def test_an_aircraft_that_a_pilot_flies_announces_straight_flight():
+    rows = announced_rows(in_mode(Motion.STEERED), flying(bank_rad=0.5), None)
+    seconds = rows[-1, 0] - rows[0, 0]
+    assert seconds == ANNOUNCED_S
+    assert rows[-1, 1:] == pytest.approx([1000.0 + 25.0 * seconds, 0.0, 100.0], abs=0.1)
+
+
+def test_an_aircraft_that_circles_announces_its_circle():
+    rows = announced_rows(in_mode(Motion.CIRCLE, (1500.0, 0.0, 100.0)), flying(), None)
+    assert np.hypot(rows[-8:, 1] - 1500.0, rows[-8:, 2]) == pytest.approx(140.0, abs=25.0)
+
+
+def test_what_is_flown_is_announced_once_it_is_not_what_was_told_and_before_it_ends():
+    announced = AnnouncedPlan()
+    agreement = Agreement(1, (1, 2), FRAME, settings_of(TEAM), started_s=AHEAD_S)
+    here = flying()
+
+    def is_due_at(now_s, east_m, north_m=0.0):
+        aircraft = replace(here, stamp_s=now_s, position_enu_m=(east_m, north_m, 100.0))
+        return announced.is_due(agreement, aircraft, AHEAD_S + now_s)
+
+    assert is_due_at(0.0, 1000.0)
+    rows = announced_rows(in_mode(Motion.STEERED), replace(here, stamp_s=0.0), None)
+    agreement.announce(announced.plan(rows, TEAM, AHEAD_S))
+    assert not is_due_at(5.0, 1125.0)
+    assert not is_due_at(6.0, 1150.0, 200.0)
+    assert not is_due_at(7.0, 1175.0)  # It was off its plan for one second.
+    assert not is_due_at(8.0, 1200.0, 200.0)
+    assert is_due_at(10.0, 1250.0, 200.0)
+    assert not is_due_at(14.0, 1350.0)
+    assert is_due_at(16.0, 1400.0)  # Less than half of the 30 s is left.
+    agreement.propose(SharedPlan(1, 0, agreement.committed.rows, 80.0, 50.0, 10.0), AHEAD_S + 16.0)
+    assert not is_due_at(16.0, 1400.0)

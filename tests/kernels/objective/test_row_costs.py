@@ -199,20 +199,45 @@ def test_an_aircraft_that_says_where_it_flies_next_may_fly_straight_unless_it_ke
     assert pursuit_danger(2000.0, 0.0, 100.0 + 56.0, 20.0, there) == 0.0
 
 
-def test_the_bounds_of_where_an_aircraft_endangers_others_leave_nothing_out():
+def test_the_lists_of_aircraft_near_a_cell_leave_nobody_out():
+    """Beside the same trees with one cell that lists everybody; places inside the world and beyond it."""
     rng = np.random.default_rng(4)
+    endangered = 0
     for _ in range(20):
-        places = rng.uniform((0.0, 0.0, 50.0), (3000.0, 3000.0, 250.0), (4, 3))
-        route = np.column_stack([np.cumsum(rng.uniform(5.0, 40.0, 4)), places])
-        route = np.vstack([route, route[-1] + (1.0, 0.0, 0.0, 0.0)])
-        keeps = replace(
-            track(*places[0, :2], airborne=True, up=places[0, 2], stamp=float(route[0, 0])), flies_on=True,
-            route=route, keeps_route=True, max_threat_radius_m=150.0, clear_up_m=30.0,
-        )  # fmt: skip
-        bounded = objective(tracks=[keeps])
-        model = bounded.pursuers.model.copy()
-        model[0, 8::2], model[0, 9::2] = -np.inf, np.inf
-        free = bounded._replace(pursuers=bounded.pursuers._replace(model=model))
-        points = places[rng.integers(0, 4, 100)] + rng.uniform(-400.0, 400.0, (100, 3)) * (1.0, 1.0, 0.3)
-        for (x, y, z), time in zip(points, rng.uniform(route[0, 0], route[-1, 0] + 50.0, 100), strict=True):
-            assert pursuit_danger(x, y, z, time, bounded) == pursuit_danger(x, y, z, time, free)
+        flying = []
+        for number in range(3):
+            places = rng.uniform((0.0, 0.0, 50.0), (3000.0, 3000.0, 250.0), (4, 3))
+            route = np.column_stack([np.cumsum(rng.uniform(5.0, 40.0, 4)), places])
+            route = np.vstack([route, route[-1] + (1.0, 0.0, 0.0, 0.0)])
+            begins = track(*places[0, :2], airborne=True, up=places[0, 2], stamp=float(route[0, 0]))
+            passes = replace(begins, flies_on=True, max_threat_radius_m=150.0, clear_up_m=30.0)
+            circles = {"circle_m": 100.0, "circles_from_s": float(route[-2, 0])}
+            flying.append(replace(passes, route=route, keeps_route=number < 2, **circles))
+        listed = objective(tracks=flying)
+        everybody = listed.pursuers.near._replace(
+            columns=1, rows=1, bins=1, ends=np.array([0, 3]), listed=np.arange(3)
+        )
+        all_of_them = listed._replace(pursuers=listed.pursuers._replace(near=everybody))
+        assert len(listed.pursuers.near.ends) > 100
+        around = np.vstack([one.route[:, 1:] for one in flying])
+        points = around[rng.integers(0, len(around), 200)]
+        points = points + rng.uniform(-1.0, 1.0, (200, 3)) * (400.0, 400.0, 100.0)
+        for (x, y, z), time in zip(points, rng.uniform(0.0, 250.0, 200), strict=True):
+            danger = pursuit_danger(x, y, z, time, listed)
+            assert danger == pursuit_danger(x, y, z, time, all_of_them)
+            endangered += danger > 0.0
+    assert endangered > 200
+
+
+def test_an_aircraft_in_a_circle_may_be_anywhere_in_it():
+    """It waits at (1000, 1000) in a circle of 100 m from 20 s on, and 150 m have to be kept from it."""
+    route = np.array([[0.0, 1000.0, 1000.0, 100.0], [1.0, 1000.0, 1000.0, 100.0]])
+    waits = replace(
+        track(1000.0, 1000.0, velocity=(0.0, 0.0), airborne=True, up=100.0), flies_on=True, route=route,
+        keeps_route=True, max_threat_radius_m=150.0, clear_up_m=30.0, height_std_m=0.0,
+        covariance=np.zeros((4, 4)), circle_m=100.0, circles_from_s=20.0,
+    )  # fmt: skip
+    there = objective(tracks=[waits])
+    assert pursuit_danger(1000.0, 1200.0, 100.0, 19.0, there) == pytest.approx(1.0 - 50.0 / 150.0)
+    assert pursuit_danger(1000.0, 1250.0, 100.0, 21.0, there) == pytest.approx(1.0)
+    assert pursuit_danger(1000.0, 1400.0, 100.0, 21.0, there) == 0.0

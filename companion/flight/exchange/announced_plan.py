@@ -1,0 +1,99 @@
+"""What a member of a team announces when it flies no plan that the others approved.
+
+That is so before its first plan, in a return, on the operator's items behind the goal, and while a pilot
+flies. The flight mode then says where the aircraft flies next.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.config.sections.team_section import TeamConfig
+from companion.flight.prediction.mode_tracks import mode_tracks
+from companion.flight.prediction.return_path import STEP_S
+from companion.flight.state.flight_state import FlightState
+from companion.frames import FloatArray
+from companion.team.agreement import Agreement
+from companion.team.shared_plan import SharedPlan
+from companion.types.events import MissionCurrent
+from companion.types.state import Ownship
+
+ANNOUNCED_S = 30.0  # The flight is announced this far ahead, and again after half of it.
+OFF_S = 2.0  # An aircraft that is off its plan for so long flies something else.
+STANDS_M_S = 3.0  # An aircraft that is slower than this stands on the ground.
+
+
+def announced_rows(state: FlightState, ownship: Ownship, current: MissionCurrent | None) -> FloatArray:
+    """Return where the aircraft flies next in its present flight mode.
+
+    Parameters
+    ----------
+    state : FlightState
+        Flight mode, target, the autopilot's parameters and list.
+    ownship : Ownship
+        The aircraft now.
+    current : MissionCurrent or None
+        The mission item being flown.
+
+    Returns
+    -------
+    ndarray, shape (N, 4)
+        Time by the service's clock [s], east, north, up [m]. It is a single row for an aircraft that stands.
+    """
+    here = np.array([[ownship.stamp_s, *ownship.position_enu_m]])
+    if ownship.ground_speed_m_s < STANDS_M_S:
+        return here
+    # Of a pilot's tracks the last one is straight.
+    track = mode_tracks(state, ownship, current, ANNOUNCED_S).positions_enu_m[-1]
+    times = ownship.stamp_s + STEP_S * np.arange(1, len(track))
+    return np.vstack([here, np.column_stack([times, track[1:]])])
+
+
+class AnnouncedPlan:
+    """Announces what is flown while that is not the committed plan."""
+
+    def __init__(self) -> None:
+        self._off_since_s: float | None = None
+
+    def is_due(self, agreement: Agreement, ownship: Ownship, utc_s: float) -> bool:
+        """Return whether what is flown has to be announced now.
+
+        While a proposal waits for approval, the committed plan is left as it is.
+
+        Parameters
+        ----------
+        agreement : Agreement
+            The member's part in the agreement.
+        ownship : Ownship
+            The aircraft now.
+        utc_s : float
+            UTC time [s].
+        """
+        plan = agreement.committed
+        if agreement.proposed is not None:
+            return False
+        if plan is None:
+            return True
+        if plan.is_flown_at(ownship.position_enu_m, utc_s):
+            self._off_since_s = None
+            ends_soon = not plan.radius_m and utc_s > plan.end_s - 0.5 * ANNOUNCED_S
+            return ends_soon and ownship.ground_speed_m_s >= STANDS_M_S
+        if self._off_since_s is None:
+            self._off_since_s = utc_s
+        return utc_s >= self._off_since_s + OFF_S
+
+    def plan(self, rows: FloatArray, config: TeamConfig, ahead_s: float) -> SharedPlan:
+        """Return a plan of what is flown, whose end is not known.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (N, 4)
+            Time by the service's clock [s], east, north, up [m].
+        config : TeamConfig
+            The tolerances.
+        ahead_s : float
+            UTC less the service's clock [s].
+        """
+        self._off_since_s = None
+        rows = rows + np.array([ahead_s, 0.0, 0.0, 0.0])
+        return SharedPlan(0, 0, rows, 0.0, config.tolerance_m, config.tolerance_up_m)
