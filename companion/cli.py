@@ -37,6 +37,7 @@ from companion.cli_options import (
     PlanTarget,
     make_ready_with_bar,
 )
+from companion.editor import edit_command
 from companion.errors import CompanionError, ConfigError
 from companion.mission_files import mission_commands
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
@@ -443,6 +444,7 @@ def _name_of(command: CommandInfo) -> str:
 
 
 mission_commands.register(app)
+edit_command.register(app)
 OWN_COMMANDS = frozenset(map(_name_of, app.registered_commands))
 
 
