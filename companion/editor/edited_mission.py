@@ -10,12 +10,14 @@ from pathlib import Path
 from companion.config.load import BYTES_MAX, mission_text
 from companion.config.sections.geographic_places import frame_of
 from companion.config.source import KeyPath, parse
-from companion.editor.place_changes import bounded, drawn, moved, removed, set_value
+from companion.editor.place_changes import bounded, drawn, fenced, moved, removed, set_value
 from companion.errors import ConfigError
 from companion.safe_files import read_file, replace_file
 
 STEPS_MAX = 500  # So many changes can be undone.
 CHANGES_MAX = 2_000  # One step has at most so many changes,
+KINDS = ("set", "move", "bound", "add", "remove", "fence")
+CORNERS_MAX = 1_000
 DEPTH_MAX = 6  # and a path so many parts.
 MARK = "\ufeff"  # Some editors begin a file with it.
 
@@ -27,11 +29,11 @@ class Change:
     Parameters
     ----------
     kind : str
-        ``set`` a key, ``move`` a place, ``bound`` the mission, ``add`` an entry, or ``remove`` one.
+        ``set`` a key, ``move`` a place, ``bound`` the mission, ``add`` an entry, ``remove`` one, or ``fence``.
     path : tuple
         Path of the key, place or entry; places are named as in metres.
     value : object
-        New value; the way east and north [m] of ``move``; west, east, south and north [m] of ``bound``.
+        New value; the way east and north [m] of ``move``; west, east, south and north [m] of ``bound``; corners [m] of ``fence``.
     """
 
     kind: str
@@ -50,11 +52,13 @@ def change_of(document: object) -> Change:
     if not isinstance(document, Mapping):
         raise _wrong("changes", document, "a list of mappings with do, path and value")
     kind, path, value = (document.get(key) for key in ("do", "path", "value"))
-    if kind not in ("set", "move", "bound", "add", "remove"):
-        raise _wrong("do", kind, "set, move, bound, add or remove")
+    if kind not in KINDS:
+        raise _wrong("do", kind, f"one of {', '.join(KINDS)}")
     is_path = isinstance(path, list) and 0 < len(path) <= DEPTH_MAX
     if not is_path or not all(type(part) in (str, int) for part in path):  # type: ignore[union-attr]
         raise _wrong("path", path, f"a list of 1 to {DEPTH_MAX} keys and numbers")
+    if kind == "fence" and not _are_corners(value):
+        raise _wrong("value", value, f"at most {CORNERS_MAX} pairs of numbers (metres)")
     size = {"move": 2, "bound": 4}.get(str(kind))
     if size is not None and not _are_numbers(value, size):
         raise _wrong("value", value, f"a list of {size} numbers (metres)")
@@ -97,6 +101,8 @@ def _changed(text: str, change: Change) -> str:
     if change.kind == "add":
         return drawn(text, frame, path, value)
     assert isinstance(value, list)
+    if change.kind == "fence":
+        return fenced(text, frame, value)
     return bounded(text, frame, value) if change.kind == "bound" else moved(text, frame, path, value)
 
 
@@ -221,6 +227,10 @@ def _are_numbers(value: object, size: int) -> bool:
         and len(value) == size
         and all(type(entry) in (int, float) and abs(entry) < 1e7 for entry in value)  # NaN is not below.
     )
+
+
+def _are_corners(value: object) -> bool:
+    return isinstance(value, list) and len(value) <= CORNERS_MAX and all(_are_numbers(entry, 2) for entry in value)
 
 
 def _wrong(key: str, value: object, expected: str) -> ConfigError:

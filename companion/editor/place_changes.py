@@ -7,14 +7,21 @@ to what stands in the file, and a new place is written the way the start is.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import count
 
 import numpy as np
+from pydantic import ValidationError
 
-from companion.config.sections.geographic_places import crs_of_zone
+from companion.config import Bounds
+from companion.config.explain import explained
+from companion.config.sections.geographic_places import crs_of_zone, local_section
 from companion.config.sections.section_base import DEGREES, LINE_DEGREES, LINE_METRES, METRES, UTM
 from companion.config.source import KeyPath, parse
 from companion.editor.text_edits import replaced, value_at, with_item, with_key, without
+from companion.errors import ConfigError
 from companion.frames import LocalFrame, transformer_between
+from companion.mission_files.fence_walls import common_area, walls_about
+from companion.mission_files.mission_composition import WALL_REACH_M
 
 DIGITS_M = 1  # Metres are written to a decimetre,
 DIGITS_DEG = 7  # and degrees to a centimetre.
@@ -116,6 +123,47 @@ def bounded(text: str, frame: LocalFrame, box_m: Corner) -> str:
         text,
         {("bounds", key, side): value for key, pair in values.items() for side, value in enumerate(pair)},
     )
+
+
+def fenced(text: str, frame: LocalFrame, corners_m: Sequence[Corner]) -> str:
+    """Return a text with walls where a fence ends within the bounds, as an import makes them.
+
+    Parameters
+    ----------
+    text : str
+        The mission file.
+    frame : LocalFrame
+        Frame of the file's origin.
+    corners_m : sequence of sequence of float
+        Corners of the area to stay in, east and north [m].
+
+    Raises
+    ------
+    ConfigError
+        If the bounds are wrong, or the corners enclose no area.
+    """
+    document = parse(text, "mission")
+    section = value_at(document.data, ("bounds",))
+    try:
+        bounds = Bounds.model_validate(local_section(document, frame, Bounds, ("bounds",), section))
+    except ValidationError as error:
+        found = [{**entry, "loc": ("bounds", *entry["loc"])} for entry in error.errors(include_url=False)]
+        raise explained(document, found) from None
+    inside = common_area([np.array(corners_m)]) if len(corners_m) > 2 else None
+    if inside is None:
+        expected = "corners that enclose an area, with edges that do not cross"
+        raise ConfigError("request", None, "value", f"{len(corners_m)} corners", expected)
+    (west, east), (south, north), (low, high) = bounds.east_m, bounds.north_m, bounds.up_m
+    heights = {"base_m": max(low - WALL_REACH_M, -1_000.0), "top_m": min(high + WALL_REACH_M, 20_000.0)}
+    present = value_at(document.data, ("obstacles",))
+    obstacles = present if isinstance(present, tuple) else ()
+    names = {entry.get("name") for entry in obstacles if isinstance(entry, dict)}
+    free = (f"fence wall {number}" for number in count(1))
+    for number, wall in enumerate(walls_about(inside, (west, east, south, north)), len(obstacles)):
+        corners = [[round(float(value), DIGITS_M) for value in corner] for corner in wall]
+        name = next(entry for entry in free if entry not in names)
+        text = drawn(text, frame, ("obstacles", number), {"name": name, "polygon_enu_m": corners, **heights})
+    return text
 
 
 def drawn(text: str, frame: LocalFrame, path: KeyPath, value: object) -> str:
