@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 from typer.models import CommandInfo
 
-from companion import __version__, plain_text, safe_files
+from companion import __version__, editor, plain_text, safe_files
 from companion.cli_options import (
     Force,
     GeojsonTarget,
@@ -37,7 +37,6 @@ from companion.cli_options import (
     PlanTarget,
     make_ready_with_bar,
 )
-from companion.editor import edit_command
 from companion.errors import CompanionError, ConfigError
 from companion.mission_files import mission_commands
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
@@ -444,7 +443,7 @@ def _name_of(command: CommandInfo) -> str:
 
 
 mission_commands.register(app)
-edit_command.register(app)
+editor.register(app)
 OWN_COMMANDS = frozenset(map(_name_of, app.registered_commands))
 
 

@@ -4,3 +4,7 @@ The file stays the truth: each change replaces a few characters of its text, and
 that text again. It may use the page, the planner's offline plans and the mission file's checks. Nothing here
 runs in a flight of an aircraft.
 """
+
+from companion.editor.edit_command import register
+
+__all__ = ["register"]

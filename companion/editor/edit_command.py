@@ -52,7 +52,10 @@ def edit(
     except OSError as error:
         raise LinkError(f"page on {access.host}:{page}: {error.strerror}") from error
     Console().print(f"editing {mission} on {server.address} until Ctrl+C", markup=False, soft_wrap=True)
-    for name in ("companion.flight.tasks.app", "companion.recording.recorder"):  # The page shows what they say.
+    for name in (
+        "companion.flight.tasks.app",
+        "companion.recording.recorder",
+    ):  # The page shows what they say.
         logging.getLogger(name).setLevel(logging.WARNING)
     if browser:
         webbrowser.open(server.address)

@@ -10,13 +10,28 @@ from companion.config import MissionConfig
 from companion.config.load import faults_of
 from companion.config.reference import keys_of
 from companion.config.sections.geographic_places import frame_of, local_section
-from companion.config.sections.section_base import DEGREES, LINE_DEGREES, LINE_METRES, METRES, UTM, section_in
+from companion.config.sections.section_base import (
+    DEGREES,
+    LINE_DEGREES,
+    LINE_METRES,
+    METRES,
+    UTM,
+    Section,
+    section_in,
+)
 from companion.config.source import Document, KeyPath, parse
 from companion.editor.text_edits import value_at
 from companion.errors import ConfigError
 from companion.frames import LocalFrame
 
-LISTS = (("goals",), ("radars",), ("dynamic_threats",), ("obstacles",), ("glide", "fields"), ("glide", "people"))
+LISTS = (
+    ("goals",),
+    ("radars",),
+    ("dynamic_threats",),
+    ("obstacles",),
+    ("glide", "fields"),
+    ("glide", "people"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,15 +81,21 @@ def scene_of(text: str, file: str) -> Scene:
 def _written_sections(data: object) -> dict[str, object]:
     """Return the sections as written, by dotted path; '' holds the file's own values."""
     assert isinstance(data, dict)
-    own = {key: entry for key, entry in data.items() if key in MissionConfig.model_fields and (key,) not in MODELS}
+    own = {
+        key: entry
+        for key, entry in data.items()
+        if key in MissionConfig.model_fields and (key,) not in MODELS
+    }
     found = {".".join(map(str, path)): value_at(data, path) for path in SECTIONS}
-    return {"": as_json(own)} | {path: as_json(entry) for path, entry in found.items() if isinstance(entry, dict)}
+    return {"": as_json(own)} | {
+        path: as_json(entry) for path, entry in found.items() if isinstance(entry, dict)
+    }
 
 
-def _sections() -> Iterator[tuple[KeyPath, type]]:
+def _sections() -> Iterator[tuple[KeyPath, type[Section]]]:
     """Yield each section and list of sections, with its model."""
     yield (), MissionConfig
-    waiting: list[tuple[KeyPath, type]] = [((), MissionConfig)]
+    waiting: list[tuple[KeyPath, type[Section]]] = [((), MissionConfig)]
     for path, model in waiting:
         for key, field in model.model_fields.items():
             if (found := section_in(field.annotation)) is not None:
@@ -124,7 +145,11 @@ def _name(path: KeyPath, values: object) -> str:
     name = values.get("name") if isinstance(values, dict) else None
     if isinstance(name, str) and name:
         return name
-    return str(path[0]) if len(path) == 1 else f"{str(path[-2]).removesuffix('s').replace('_', ' ')} {int(path[-1]) + 1}"
+    return (
+        str(path[0])
+        if len(path) == 1
+        else f"{str(path[-2]).removesuffix('s').replace('_', ' ')} {int(path[-1]) + 1}"
+    )
 
 
 def _way(values: object) -> str:
@@ -145,15 +170,12 @@ def _place(document: Document, frame: LocalFrame | None, path: KeyPath, values: 
         return {}
     if not isinstance(local, dict):
         return {}
-    place: dict[str, object] = {}
-    if _are_numbers([local.get(key) for key in METRES]):
-        up = local.get("up_m", 0.0)
-        place["place_m"] = [*(local[key] for key in METRES), up if _are_numbers([up]) else 0.0]
-    for key, entry in local.items():
-        if key.endswith(LINE_METRES) and isinstance(entry, tuple):
-            if all(isinstance(corner, tuple) and len(corner) == 2 and _are_numbers(corner) for corner in entry):
-                place[key] = entry
-    return place
+    lines = {key: entry for key, entry in local.items() if key.endswith(LINE_METRES) and _are_places(entry)}
+    point = [local.get(key) for key in METRES]
+    if not _are_numbers(point):
+        return lines
+    up = local.get("up_m")
+    return lines | {"place_m": [*point, up if _are_numbers([up]) else 0.0]}
 
 
 def _box(document: Document, frame: LocalFrame | None) -> list[float] | None:
@@ -169,6 +191,13 @@ def _box(document: Document, frame: LocalFrame | None) -> list[float] | None:
     return numbers if len(numbers) == 6 and _are_numbers(numbers) else None
 
 
+def _are_places(line: object) -> bool:
+    """Whether a line is a list of pairs of numbers."""
+    return isinstance(line, tuple) and all(
+        isinstance(corner, tuple) and len(corner) == 2 and _are_numbers(corner) for corner in line
+    )
+
+
 def _are_numbers(values: Sequence[object]) -> bool:
     return all(type(value) in (int, float) and abs(value) < 1e7 for value in values)  # type: ignore[arg-type]
 
@@ -176,4 +205,10 @@ def _are_numbers(values: Sequence[object]) -> bool:
 def _fault(error: ConfigError) -> dict[str, object]:
     """Return what is wrong, with the key's path."""
     path = [int(part) if part.isdecimal() else part for part in error.key.split(".")]
-    return {"path": path, "line": error.line, "key": error.key, "got": error.value, "expected": error.expected}
+    return {
+        "path": path,
+        "line": error.line,
+        "key": error.key,
+        "got": error.value,
+        "expected": error.expected,
+    }

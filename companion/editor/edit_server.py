@@ -1,14 +1,15 @@
 """The editor's HTTP server: the page's files, and requests in JSON, a thread for each.
 
-A plan is answered when it is made, so that requests wait; the page's own server never does. Only this
-computer's browsers get here, or whoever has the token. A request that may change something has to be JSON, and
-comes from a page of this server only: a browser tells the page's origin, and asks before it sends JSON
-elsewhere.
+A plan is answered when it is made, so that requests wait; the page's own server never does. Only who has the
+token gets an answer. A request that may change something has to be JSON, and comes from a page of this server
+only: a browser tells the page's origin, and asks before it sends JSON elsewhere.
 """
 
 from __future__ import annotations
 
 import json
+import logging
+import sys
 import threading
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -25,9 +26,12 @@ from companion.ui.page.pages import HEADERS, Pages
 BODY_MAX = 2_000_000  # Bytes of a request.
 TIMEOUT_S = 10.0  # A browser has this long to send a request, and to accept the answer.
 CONNECTIONS_MAX = 32
+POLL_S = 0.1  # The server ends within this time.
 PAGE = "/edit/edit.html"
 _JSON = "application/json"
 _DIGITS_MAX = 9
+
+_log = logging.getLogger(__name__)
 
 
 class EditServer:
@@ -59,6 +63,7 @@ class EditServer:
 
         class Server(ThreadingHTTPServer):
             daemon_threads = True
+            request_queue_size = CONNECTIONS_MAX
 
             def process_request(self, request: Any, client_address: Any) -> None:  # noqa: ANN401
                 if owner._room.acquire(blocking=False):
@@ -73,11 +78,15 @@ class EditServer:
                     owner._room.release()
 
             def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401, ARG002
-                """Say nothing of a browser that closed its connection."""
+                """Log what was not foreseen; a browser that closed its connection is nothing."""
+                if not isinstance(sys.exception(), OSError):
+                    _log.exception("internal error")
 
         self._server = Server((access.host, access.port), Handler)
         self.port: int = self._server.server_address[1]
-        self._thread = threading.Thread(target=self._server.serve_forever, name="editor", daemon=True)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, args=(POLL_S,), name="editor", daemon=True
+        )
         self._thread.start()
 
     @property
@@ -153,23 +162,32 @@ class _Handler(BaseHTTPRequestHandler):
         if request.headers.get("content-type", "").partition(";")[0].strip() != _JSON:
             return _said(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a request of another kind than {_JSON}")
         length = request.headers.get("content-length", "")
-        if not length.isascii() or not length.isdecimal() or len(length) > _DIGITS_MAX or int(length) > BODY_MAX:
+        if (
+            not length.isascii()
+            or not length.isdecimal()
+            or len(length) > _DIGITS_MAX
+            or int(length) > BODY_MAX
+        ):
             return _said(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request longer than {BODY_MAX} bytes")
         return None
 
     def _posted(self, target: str) -> Answer:
-        """Carry a request out, and return its answer; a wrong one names the key, the value and what was expected."""
+        """Carry a request out, and return its answer.
+
+        The answer to a wrong one names the key, the value and what was expected. It is no failure of HTTP:
+        browsers would log one for each.
+        """
         data = self.rfile.read(int(self.headers["content-length"]))
         try:
             found = self.server_of_editor.session.post(target.removeprefix("/edit/"), _body(data))
         except SupersededError as error:
-            return _said(HTTPStatus.CONFLICT, str(error))
+            return _json({"error": str(error), "is_superseded": True})
         except ConfigError as error:
             path = [int(part) if part.isdecimal() else part for part in error.key.split(".")]
             told = {"error": str(error), "path": path, "key": error.key, "got": error.value}
-            return _json(told | {"expected": error.expected, "line": error.line}, HTTPStatus.UNPROCESSABLE_ENTITY)
+            return _json(told | {"expected": error.expected, "line": error.line})
         except CompanionError as error:
-            return _said(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
+            return _said(HTTPStatus.OK, str(error))
         return _said(HTTPStatus.NOT_FOUND, "there is no such request") if found is None else _json(found)
 
     def _tell(self, answer: Answer) -> None:

@@ -165,7 +165,9 @@ class EditSession:
     def _fly(self, body: Body) -> Document:
         pace, seed = body.get("pace", 0), body.get("seed", 1)
         if type(pace) not in (int, float) or not 0.0 <= pace <= PACE_MAX:  # type: ignore[operator]
-            raise _wrong("pace", pace, f"simulated seconds a second up to {PACE_MAX:.0f}; 0 is as fast as it goes")
+            raise _wrong(
+                "pace", pace, f"simulated seconds a second up to {PACE_MAX:.0f}; 0 is as fast as it goes"
+            )
         if type(seed) is not int or not 0 <= seed < 2**32:
             raise _wrong("seed", seed, "a whole number from 0")
         self._stop({})

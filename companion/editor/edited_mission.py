@@ -1,4 +1,4 @@
-"""A mission file that is being edited: its text, what can be undone, and whether the file is still the same."""
+"""A mission file that is being edited: its text, what can be undone, and whether others changed the file."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ class Change:
     Parameters
     ----------
     kind : str
-        ``set`` a key, ``move`` a place, ``bound`` the mission, ``add`` an entry, ``remove`` one, or ``fence``.
+        ``set`` a key, ``move`` a place, ``bound`` the mission, ``add`` or ``remove`` an entry, or ``fence``.
     path : tuple
         Path of the key, place or entry; places are named as in metres.
     value : object
-        New value; the way east and north [m] of ``move``; west, east, south and north [m] of ``bound``; corners [m] of ``fence``.
+        New value; the way east and north of ``move``; west, east, south and north of ``bound``; corners of
+        ``fence``, east and north [m].
     """
 
     kind: str
@@ -230,7 +231,11 @@ def _are_numbers(value: object, size: int) -> bool:
 
 
 def _are_corners(value: object) -> bool:
-    return isinstance(value, list) and len(value) <= CORNERS_MAX and all(_are_numbers(entry, 2) for entry in value)
+    return (
+        isinstance(value, list)
+        and len(value) <= CORNERS_MAX
+        and all(_are_numbers(entry, 2) for entry in value)
+    )
 
 
 def _wrong(key: str, value: object, expected: str) -> ConfigError:

@@ -6,7 +6,7 @@ to what stands in the file, and a new place is written the way the start is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 
 import numpy as np
@@ -16,7 +16,7 @@ from companion.config import Bounds
 from companion.config.explain import explained
 from companion.config.sections.geographic_places import crs_of_zone, local_section
 from companion.config.sections.section_base import DEGREES, LINE_DEGREES, LINE_METRES, METRES, UTM
-from companion.config.source import KeyPath, parse
+from companion.config.source import Document, KeyPath, parse
 from companion.editor.text_edits import replaced, value_at, with_item, with_key, without
 from companion.errors import ConfigError
 from companion.frames import LocalFrame, transformer_between
@@ -64,26 +64,29 @@ def _moved_section(
 ) -> dict[KeyPath, object]:
     """Return the new values of a section's place; those of its polygon, if it has none."""
     if METRES[0] in section:
-        return {
-            (*path, key): round(_number(section[key]) + step, DIGITS_M)
-            for key, step in zip(METRES, by_m, strict=True)
-            if abs(step) > 0.0
-        }
+        steps = zip(METRES, by_m, strict=True)
+        return {(*path, key): round(_number(section[key]) + step, DIGITS_M) for key, step in steps if step}
     if DEGREES[0] in section:
         place = [_number(section[key]) for key in DEGREES]
-        return {
-            (*path, key): value
-            for key, value in zip(DEGREES, _shifted(frame, place, by_m, True), strict=True)
-        }
+        values = zip(DEGREES, _shifted(frame, place, by_m, True), strict=True)
+        return {(*path, key): value for key, value in values}
     if UTM in section:
         return _moved_utm(frame, (*path, UTM), section[UTM], by_m)
-    lines = [(key, entry) for key, entry in section.items() if key.endswith((LINE_METRES, LINE_DEGREES))]
+    lines = [key for key in section if key.endswith((LINE_METRES, LINE_DEGREES))]
     return {
-        (*path, key, number, axis): value
-        for key, corners in lines
-        for number, corner in enumerate(corners)  # type: ignore[var-annotated, arg-type]
-        for axis, value in enumerate(_shifted(frame, corner, by_m, key.endswith(LINE_DEGREES)))
+        place: value for key in lines for place, value in _moved_line(frame, (*path, key), section[key], by_m)
     }
+
+
+def _moved_line(
+    frame: LocalFrame, path: KeyPath, corners: object, by_m: Corner
+) -> Iterator[tuple[KeyPath, float]]:
+    """Yield path and value of each coordinate of a polygon."""
+    is_degrees = str(path[-1]).endswith(LINE_DEGREES)
+    assert isinstance(corners, Sequence)
+    for number, corner in enumerate(corners):
+        for axis, value in enumerate(_shifted(frame, corner, by_m, is_degrees)):
+            yield (*path, number, axis), value
 
 
 def bounded(text: str, frame: LocalFrame, box_m: Corner) -> str:
@@ -142,28 +145,38 @@ def fenced(text: str, frame: LocalFrame, corners_m: Sequence[Corner]) -> str:
     ConfigError
         If the bounds are wrong, or the corners enclose no area.
     """
-    document = parse(text, "mission")
-    section = value_at(document.data, ("bounds",))
-    try:
-        bounds = Bounds.model_validate(local_section(document, frame, Bounds, ("bounds",), section))
-    except ValidationError as error:
-        found = [{**entry, "loc": ("bounds", *entry["loc"])} for entry in error.errors(include_url=False)]
-        raise explained(document, found) from None
     inside = common_area([np.array(corners_m)]) if len(corners_m) > 2 else None
     if inside is None:
         expected = "corners that enclose an area, with edges that do not cross"
         raise ConfigError("request", None, "value", f"{len(corners_m)} corners", expected)
+    document = parse(text, "mission")
+    bounds = _bounds_in(document, frame)
     (west, east), (south, north), (low, high) = bounds.east_m, bounds.north_m, bounds.up_m
     heights = {"base_m": max(low - WALL_REACH_M, -1_000.0), "top_m": min(high + WALL_REACH_M, 20_000.0)}
     present = value_at(document.data, ("obstacles",))
     obstacles = present if isinstance(present, tuple) else ()
     names = {entry.get("name") for entry in obstacles if isinstance(entry, dict)}
-    free = (f"fence wall {number}" for number in count(1))
+    free = (name for name in map("fence wall {}".format, count(1)) if name not in names)
     for number, wall in enumerate(walls_about(inside, (west, east, south, north)), len(obstacles)):
-        corners = [[round(float(value), DIGITS_M) for value in corner] for corner in wall]
-        name = next(entry for entry in free if entry not in names)
-        text = drawn(text, frame, ("obstacles", number), {"name": name, "polygon_enu_m": corners, **heights})
+        entry = {"name": next(free), "polygon_enu_m": wall.round(DIGITS_M).tolist(), **heights}
+        text = drawn(text, frame, ("obstacles", number), entry)
     return text
+
+
+def _bounds_in(document: Document, frame: LocalFrame) -> Bounds:
+    """Return the bounds of a file.
+
+    Raises
+    ------
+    ConfigError
+        If they are wrong.
+    """
+    section = value_at(document.data, ("bounds",))
+    try:
+        return Bounds.model_validate(local_section(document, frame, Bounds, ("bounds",), section))
+    except ValidationError as error:
+        found = [{**entry, "loc": ("bounds", *entry["loc"])} for entry in error.errors(include_url=False)]
+        raise explained(document, found) from None
 
 
 def drawn(text: str, frame: LocalFrame, path: KeyPath, value: object) -> str:
@@ -189,7 +202,11 @@ def drawn(text: str, frame: LocalFrame, path: KeyPath, value: object) -> str:
     where = _as_written(document.data, path)
     if isinstance(value, list):
         line = str(where[-2])
-        if line.endswith(LINE_METRES) and is_in_degrees(document.data) and not _has(document.data, where[:-1]):
+        if (
+            line.endswith(LINE_METRES)
+            and is_in_degrees(document.data)
+            and not _has(document.data, where[:-1])
+        ):
             line = line.removesuffix(LINE_METRES) + LINE_DEGREES  # A new line is written as the start is.
         if not line.endswith(LINE_DEGREES):
             return with_item(text, where, value)
@@ -249,7 +266,7 @@ def _number(value: object) -> float:
 
 
 def _shifted(frame: LocalFrame, place: object, by_m: Corner, is_degrees: bool | None) -> list[float]:
-    """Return a place or corner after a step, written as it was; None for one in metres that becomes degrees."""
+    """Return a place after a step, written as it was; ``None`` is for metres that become degrees."""
     assert isinstance(place, Sequence)
     first, second = (_number(value) for value in place)
     if is_degrees is False:
@@ -266,7 +283,8 @@ def _moved_utm(frame: LocalFrame, path: KeyPath, place: object, by_m: Corner) ->
     assert isinstance(place, dict)
     crs = crs_of_zone(str(place["zone"]))
     keys = ("easting_m", "northing_m")
-    east, north = transformer_between(crs, frame.crs).transform(*(_number(place[key]) for key in keys))
+    easting, northing = (_number(place[key]) for key in keys)
+    east, north = transformer_between(crs, frame.crs).transform(easting, northing)
     values = frame.transformer_to(crs).transform(east + by_m[0], north + by_m[1])
     return {(*path, key): round(float(value), DIGITS_M) for key, value in zip(keys, values, strict=True)}
 

@@ -1,4 +1,4 @@
-"""Offline plans for the editor's page: with other prices and limits than the file's, and broken off for newer ones."""
+"""Offline plans for the editor's page: of the file, and with other prices and limits."""
 
 from __future__ import annotations
 
@@ -44,12 +44,13 @@ def sliders() -> list[dict[str, object]]:
     """Return key, lowest, highest and default value of each slider; no default means no limit."""
     defaults = {key: PlanningConfig.model_fields[key].default for key in SLIDERS}
     return [
-        {"key": key, "low": low, "high": high, "default": defaults[key]} for key, (low, high) in SLIDERS.items()
+        {"key": key, "low": low, "high": high, "default": defaults[key]}
+        for key, (low, high) in SLIDERS.items()
     ]
 
 
 class PlanAnswers:
-    """Makes one plan at a time; a newer request for the same side of the comparison breaks the older one off."""
+    """Makes one plan at a time; a newer one for the same side of the comparison breaks the older one off."""
 
     def __init__(self) -> None:
         self._turn = threading.Lock()
@@ -79,7 +80,9 @@ class PlanAnswers:
         """
         for key, value in settings.items():
             if key not in SLIDERS:
-                raise ConfigError("request", None, str(key)[:60], repr(value)[:60], f"one of {', '.join(SLIDERS)}")
+                raise ConfigError(
+                    "request", None, str(key)[:60], repr(value)[:60], f"one of {', '.join(SLIDERS)}"
+                )
             text = set_value(text, ("planning", key), value)
         mission = mission_from_text(text, file)
         require_goals(mission, file)
@@ -139,7 +142,9 @@ def _document(mission: MissionConfig, plan: Plan) -> dict[str, object]:
     }
     if path is not None:
         told |= {
-            "path": np.column_stack([path.times_s, path.positions_enu_m, path.threat_levels]).round(3).tolist(),
+            "path": np.column_stack([path.times_s, path.positions_enu_m, path.threat_levels])
+            .round(3)
+            .tolist(),
             "length_m": path.length_m,
             "arrival_s": path.duration_s,
             "level_max": float(path.threat_levels.max()),

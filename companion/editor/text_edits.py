@@ -16,6 +16,7 @@ from companion.config.source import Document, KeyPath, dotted, parse
 from companion.errors import ConfigError
 
 INDENT = 2
+EXACT_MAX = 2**53  # Whole numbers up to this are exact.
 _PLAIN_TEXT = re.compile(r"[A-Za-z]([A-Za-z0-9 ._/-]*[A-Za-z0-9._/-])?")
 _WORDS = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n"})
 
@@ -41,7 +42,7 @@ def replaced(text: str, values: Mapping[KeyPath, object]) -> str:
     for (start, end), path in reversed(spans):
         gap = " " if start == end and new[start - 1 : start] == ":" else ""
         new = new[:start] + gap + written(path, values[path]) + new[end:]
-        expected = _with(expected, path, lambda _, value=values[path]: _frozen(value))  # type: ignore[misc]
+        expected = _with(expected, path, lambda _, value=values[path]: _frozen(value))
     return _verified(document, new, expected, spans[0][1] if spans else ())
 
 
@@ -58,8 +59,8 @@ def with_key(text: str, path: KeyPath, value: object) -> str:
     if path in document.places:
         return replaced(text, {path: value})
     if not isinstance(parent, dict):
-        if parent is not None or not path[:-1]:
-            raise document.error(path, "a key of a section")
+        if parent is not None or not path[:-1] or isinstance(path[-2], int):
+            raise document.error(path, "a key of a section that is there")
         return with_key(text, path[:-1], {path[-1]: value})
     entry = f"{path[-1]}: {written(path, value)}"
     expected = _with(document.data, path[:-1], lambda section: {**section, path[-1]: _frozen(value)})
@@ -74,7 +75,8 @@ def with_item(text: str, path: KeyPath, value: object) -> str:
     text : str
         The mission file.
     path : tuple
-        Path of the new entry; entries from its number on move up by one. A missing list is made.
+        Path of the new entry; entries from its number on move up by one. A missing list is made, and a word
+        in its place, such as ``from_autopilot``, goes.
     value : object
         The new entry.
 
@@ -87,6 +89,8 @@ def with_item(text: str, path: KeyPath, value: object) -> str:
     items = value_at(document.data, where)
     if not isinstance(number, int) or not 0 <= number <= (len(items) if isinstance(items, tuple) else 0):
         raise document.error(path, "a place in the list, or the one after its end")
+    if isinstance(items, dict):
+        raise document.error(path, "an entry of a list")
     if not isinstance(items, tuple) or not items:
         return _with_first_item(document, where, value)
     entry, new = written(path, value), text
@@ -120,7 +124,7 @@ def without(text: str, path: KeyPath) -> str:
     document, (where, last) = parse(text, "mission"), (path[:-1], path[-1])
     if path not in document.places:
         raise document.error(path, "a key of the file")
-    start, end = _span(document, path)
+    end = _span(document, path)[1]
     parent = value_at(document.data, where)
     keys = list(parent) if isinstance(parent, dict) else list(range(len(parent)))  # type: ignore[arg-type]
     if _is_flow(document, where):
@@ -166,7 +170,7 @@ def written(path: KeyPath, value: object) -> str:
     if isinstance(value, bool) or value is None:
         return json.dumps(value)
     if isinstance(value, int | float) and math.isfinite(value):
-        return str(int(value)) if float(value).is_integer() and abs(value) < 2**53 else repr(value)
+        return _number(value)
     if isinstance(value, str):
         is_plain = _PLAIN_TEXT.fullmatch(value) is not None and value.lower() not in _WORDS
         return value if is_plain else json.dumps(value, ensure_ascii=False)
@@ -176,6 +180,11 @@ def written(path: KeyPath, value: object) -> str:
         entries = (f"{key}: {written(path, entry)}" for key, entry in value.items())
         return "{" + ", ".join(entries) + "}"
     raise ConfigError("change", None, dotted(path), repr(value)[:60], "a finite number, text, true or false")
+
+
+def _number(value: float) -> str:
+    """Return a number without needless digits."""
+    return str(int(value)) if float(value).is_integer() and abs(value) < EXACT_MAX else repr(value)
 
 
 def _verified(document: Document, text: str, expected: object, path: KeyPath) -> str:
@@ -260,7 +269,7 @@ def _key_start(document: Document, path: KeyPath) -> int:
 def _with_entry(document: Document, path: KeyPath, entry: str) -> str:
     """Return the text with one more entry at the end of a section."""
     text, section = document.text, value_at(document.data, path)
-    start, end = _span(document, path) if path else (0, 0)
+    start = document.places[path][1]
     if not section:
         return f"{text[: start + 1]}{entry}{text[start + 1 :]}"
     assert isinstance(section, dict)
@@ -274,10 +283,10 @@ def _with_entry(document: Document, path: KeyPath, entry: str) -> str:
 def _with_first_item(document: Document, path: KeyPath, value: object) -> str:
     """Return the text with a list that has one entry; mappings stand on lines of their own."""
     text, entry = document.text, written(path, value)
-    is_line = len(path) == 1 and isinstance(value, dict)
-    expected = _with(document.data, path[:-1], lambda section: {**section, path[-1]: (_frozen(value),)})
-    if not is_line:
+    if len(path) > 1 or not isinstance(value, dict):
         return with_key(text, path, [value])
+    assert isinstance(document.data, dict)
+    expected = {**document.data, path[0]: (_frozen(value),)}
     block = f"\n{' ' * INDENT}- {entry}"
     if path in document.places:
         start, end = _span(document, path)

@@ -26,9 +26,14 @@ class Flyer(Protocol):
     """Flies a mission in the simulator."""
 
     def __call__(
-        self, mission: MissionConfig, seed: int, pace: float, listen: Callable[..., None], is_wanted: Callable[[], bool]
+        self,
+        mission: MissionConfig,
+        seed: int,
+        pace: float,
+        listen: Callable[..., None],
+        is_wanted: Callable[[], bool],
     ) -> Mapping[str, object]:
-        """Fly, as fast as ``pace`` says, and return the measures by name; nothing if it is not wanted any more."""
+        """Fly, and return the measures by name; nothing if it is not wanted any more."""
         ...
 
 
@@ -78,7 +83,9 @@ class WatchedFlight:
     def _fly(self) -> None:
         try:
             flyer = simulator()  # Its import takes a second or two.
-            self._measures = flyer(self._mission, self._seed, self._pace, self._listen, lambda: self._is_wanted)
+            self._measures = flyer(
+                self._mission, self._seed, self._pace, self._listen, lambda: self._is_wanted
+            )
         except CompanionError as error:
             self._fault = str(error)
 

@@ -30,7 +30,7 @@ class Access:
     token : str
         What viewers have to know; '' if only this computer's viewers may look.
     cookie : str
-        Name under which a browser keeps the token; pages on one computer share its cookies, whatever their port.
+        Name under which a browser keeps the token. Pages of one host share cookies, whatever their port.
 
     Raises
     ------

@@ -8,6 +8,5 @@ export async function got(path) {
 
 export async function posted(name, body = {}) {
   const answer = await fetch(`/edit/${name}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
-  const told = await answer.json();
-  return { ...told, isSuperseded: answer.status === 409 };
+  return answer.json();
 }

@@ -88,6 +88,14 @@ export class EditMap extends GroundMap {
     }
   }
 
+  // Everything, below the buttons.
+  fit() {
+    super.fit();
+    if (!(this.scale > 0)) return;
+    this.scale *= 0.94;
+    this.centre = [this.centre[0], this.centre[1] + 20 / this.scale];
+  }
+
   cancel() {
     this.drag = null;
     this.edit?.preview(null);

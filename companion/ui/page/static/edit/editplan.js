@@ -103,7 +103,7 @@ export class Plans {
     const began = performance.now();
     find("planned").textContent = "planning …";
     const told = await posted("plan", { side, settings: side === "other" ? this.settings : {} });
-    if (told.isSuperseded || number !== this.wanted[side]) return;
+    if (told.is_superseded || number !== this.wanted[side]) return;
     if (told.error) {
       find("planned").textContent = told.error;
       return;
