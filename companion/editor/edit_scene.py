@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.config import MissionConfig
 from companion.config.load import faults_of
@@ -19,8 +19,8 @@ from companion.config.sections.section_base import (
     Section,
     section_in,
 )
-from companion.config.source import Document, KeyPath, parse
-from companion.editor.text_edits import value_at
+from companion.config.source import Document, KeyPath
+from companion.editor.text_edits import parsed, value_at
 from companion.errors import ConfigError
 from companion.frames import LocalFrame
 
@@ -60,7 +60,7 @@ def scene_of(text: str, file: str) -> Scene:
     file : str
         Name of the file; a map of heights lies beside it.
     """
-    document = parse(text, file)
+    document = replace(parsed(text), file=file)
     mission, faults = faults_of(document)
     try:
         frame = frame_of(document)

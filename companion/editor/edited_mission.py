@@ -11,6 +11,7 @@ from companion.config.load import BYTES_MAX, mission_text
 from companion.config.sections.geographic_places import frame_of
 from companion.config.source import KeyPath, parse
 from companion.editor.place_changes import bounded, drawn, fenced, moved, removed, set_value
+from companion.editor.text_edits import parsed
 from companion.errors import ConfigError
 from companion.safe_files import read_file, replace_file
 
@@ -98,7 +99,7 @@ def _changed(text: str, change: Change) -> str:
         return set_value(text, path, value)
     if change.kind == "remove":
         return removed(text, path)
-    frame = frame_of(parse(text, "mission"))
+    frame = frame_of(parsed(text))
     if change.kind == "add":
         return drawn(text, frame, path, value)
     assert isinstance(value, list)
@@ -123,6 +124,7 @@ class EditedMission:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._target = path.resolve()  # A link to the file stays one; where it leads later does not count.
         self.number = 0
         self._undone: list[str] = []
         self._done: list[str] = []
@@ -188,9 +190,8 @@ class EditedMission:
             expected = "the file as it was read; load it anew, and change that"
             raise ConfigError(str(self.path), None, "file", "a file that was changed meanwhile", expected)
         data = ((MARK if self._bytes.startswith(MARK.encode()) else "") + self.text).encode()
-        target = self.path.resolve()  # A link to the file stays one.
         try:
-            replace_file(target, data, os.stat(target).st_mode & 0o777)
+            replace_file(self._target, data, os.stat(self._target).st_mode & 0o777)
         except OSError as error:
             found = error.strerror or str(error)
             raise ConfigError(str(self.path), None, "file", found, "a file that can be written") from None
@@ -217,7 +218,7 @@ class EditedMission:
     def _present(self) -> bytes:
         """Return what the file holds now; nothing if it is gone."""
         try:
-            return read_file(self.path, BYTES_MAX, follow=True)
+            return read_file(self._target, BYTES_MAX)
         except OSError:
             return b""
 

@@ -16,8 +16,8 @@ from companion.config import Bounds
 from companion.config.explain import explained
 from companion.config.sections.geographic_places import crs_of_zone, local_section
 from companion.config.sections.section_base import DEGREES, LINE_DEGREES, LINE_METRES, METRES, UTM
-from companion.config.source import Document, KeyPath, parse
-from companion.editor.text_edits import replaced, value_at, with_item, with_key, without
+from companion.config.source import Document, KeyPath
+from companion.editor.text_edits import parsed, replaced, value_at, with_item, with_key, without
 from companion.errors import ConfigError
 from companion.frames import LocalFrame, transformer_between
 from companion.mission_files.fence_walls import common_area, walls_about
@@ -47,7 +47,7 @@ def moved(text: str, frame: LocalFrame, path: KeyPath, by_m: Corner) -> str:
     ConfigError
         If there is no place.
     """
-    document = parse(text, "mission")
+    document = parsed(text)
     path = _as_written(document.data, path)
     section = value_at(document.data, path)
     if isinstance(section, tuple) and len(path) > 1:
@@ -107,7 +107,7 @@ def bounded(text: str, frame: LocalFrame, box_m: Corner) -> str:
         If the file has no bounds.
     """
     west, east, south, north = box_m
-    section = value_at(parse(text, "mission").data, ("bounds",))
+    section = value_at(parsed(text).data, ("bounds",))
     if isinstance(section, dict) and DEGREES[0] in section:
         # Parallels and meridians are bent: the box lies within them, so that they must not cut it.
         easts, norths = np.meshgrid([west, 0.5 * (west + east), east], [south, north])
@@ -149,7 +149,7 @@ def fenced(text: str, frame: LocalFrame, corners_m: Sequence[Corner]) -> str:
     if inside is None:
         expected = "corners that enclose an area, with edges that do not cross"
         raise ConfigError("request", None, "value", f"{len(corners_m)} corners", expected)
-    document = parse(text, "mission")
+    document = parsed(text)
     bounds = _bounds_in(document, frame)
     (west, east), (south, north), (low, high) = bounds.east_m, bounds.north_m, bounds.up_m
     heights = {"base_m": max(low - WALL_REACH_M, -1_000.0), "top_m": min(high + WALL_REACH_M, 20_000.0)}
@@ -198,7 +198,7 @@ def drawn(text: str, frame: LocalFrame, path: KeyPath, value: object) -> str:
     ConfigError
         If there is no such list.
     """
-    document = parse(text, "mission")
+    document = parsed(text)
     where = _as_written(document.data, path)
     if isinstance(value, list):
         line = str(where[-2])
@@ -223,7 +223,7 @@ def removed(text: str, path: KeyPath) -> str:
     ConfigError
         If there is none.
     """
-    return without(text, _as_written(parse(text, "mission").data, path))
+    return without(text, _as_written(parsed(text).data, path))
 
 
 def is_in_degrees(data: object) -> bool:
@@ -240,7 +240,7 @@ def set_value(text: str, path: KeyPath, value: object) -> str:
     ConfigError
         If there can be no such key.
     """
-    present = value_at(parse(text, "mission").data, path)
+    present = value_at(parsed(text).data, path)
     is_same = present == value and isinstance(present, bool) is isinstance(value, bool)
     return text if is_same and value is not None else with_key(text, path, value)
 

@@ -13,6 +13,7 @@ from companion.config.compose import goals_of
 from companion.config.models import PlanningConfig
 from companion.editor.place_changes import set_value
 from companion.errors import CompanionError, ConfigError
+from companion.kernels.native.ready import make_ready
 from companion.planning.plan_runner import StopRule
 from companion.planning.solver import solve
 from companion.recording.mcap_writer import plain
@@ -20,7 +21,7 @@ from companion.research.campaign.runs import judged_plan, offline_problem, offli
 from companion.types.path import Path
 from companion.types.plan import Plan
 
-TIME_LIMIT_S = 0.7  # A plan that takes longer is shown as it is by then.
+TIME_LIMIT_S = 0.5  # A plan that takes longer is shown as it is by then.
 LEVEL_MIN = 0.01  # Below this a place is not under threat.
 # Prices and limits that the page asks for with sliders: the lowest and the highest value of each.
 SLIDERS: dict[str, tuple[float, float]] = {
@@ -90,6 +91,7 @@ class PlanAnswers:
         with self._turn:
             if rule.is_broken_off:
                 raise SupersededError("a newer plan is asked for")
+            make_ready()  # The first plan may wait for it, and has its whole time then.
             began = time.perf_counter()
             rule.start(began + TIME_LIMIT_S)
             plan = _planned(mission, rule)

@@ -6,6 +6,7 @@ value. The new text is parsed, and the change is refused unless it says exactly 
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import re
@@ -19,6 +20,18 @@ INDENT = 2
 EXACT_MAX = 2**53  # Whole numbers up to this are exact.
 _PLAIN_TEXT = re.compile(r"[A-Za-z]([A-Za-z0-9 ._/-]*[A-Za-z0-9._/-])?")
 _WORDS = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n"})
+
+
+@functools.lru_cache(maxsize=4)
+def parsed(text: str) -> Document:
+    """Return a parsed text; the same again while it is asked for, since several steps of a change need it.
+
+    Raises
+    ------
+    ConfigError
+        If it is no YAML.
+    """
+    return parse(text, "mission")
 
 
 def replaced(text: str, values: Mapping[KeyPath, object]) -> str:
@@ -36,7 +49,7 @@ def replaced(text: str, values: Mapping[KeyPath, object]) -> str:
     ConfigError
         If a key is missing, or a value cannot be written.
     """
-    document, expected = parse(text, "mission"), None
+    document, expected = parsed(text), None
     spans = sorted((_span(document, path), path) for path in values)
     new, expected = text, document.data
     for (start, end), path in reversed(spans):
@@ -54,7 +67,7 @@ def with_key(text: str, path: KeyPath, value: object) -> str:
     ConfigError
         If its section is a list or a plain value, or the value cannot be written.
     """
-    document = parse(text, "mission")
+    document = parsed(text)
     parent = value_at(document.data, path[:-1])
     if path in document.places:
         return replaced(text, {path: value})
@@ -85,7 +98,7 @@ def with_item(text: str, path: KeyPath, value: object) -> str:
     ConfigError
         If there is no such place, or the value cannot be written.
     """
-    document, (where, number) = parse(text, "mission"), (path[:-1], path[-1])
+    document, (where, number) = parsed(text), (path[:-1], path[-1])
     items = value_at(document.data, where)
     if not isinstance(number, int) or not 0 <= number <= (len(items) if isinstance(items, tuple) else 0):
         raise document.error(path, "a place in the list, or the one after its end")
@@ -121,7 +134,7 @@ def without(text: str, path: KeyPath) -> str:
     ConfigError
         If there is none, or it stands where it cannot be removed alone.
     """
-    document, (where, last) = parse(text, "mission"), (path[:-1], path[-1])
+    document, (where, last) = parsed(text), (path[:-1], path[-1])
     if path not in document.places:
         raise document.error(path, "a key of the file")
     end = _span(document, path)[1]
@@ -190,7 +203,7 @@ def _number(value: float) -> str:
 def _verified(document: Document, text: str, expected: object, path: KeyPath) -> str:
     """Return a changed text if it says what is expected."""
     try:
-        is_right = parse(text, document.file).data == expected
+        is_right = parsed(text).data == expected
     except ConfigError:
         is_right = False
     if not is_right:

@@ -154,6 +154,7 @@ def test_each_kind_of_element_is_dragged_and_put_back(page, file):
         )
     for name in ("wall", "village"):
         before = np.array(window.element(name)["polygon_enu_m"])
+        window.point(before.mean(axis=0).tolist())
         window.drag(before.mean(axis=0).tolist(), (before.mean(axis=0) + np.array([-40, 30])).tolist())
         after = np.array(window.element(name)["polygon_enu_m"])
         np.testing.assert_allclose(after - before, [[-40, 30]] * 4, atol=4.0, err_msg=name)
@@ -191,7 +192,8 @@ def test_corners_routes_radii_the_course_and_bounds_are_taken_hold_of(page, file
     handle = window.state("editor.map.handles().find((one) => one.part === 'course').place")
     window.drag(handle, [150, 950])
     assert window.element("start")["values"]["course_deg"] == pytest.approx(0, abs=2)
-    window.state("editor.goTo(['bounds'])")
+    window.point([2000, 400])
+    assert window.state("editor.selected.kind") == "bounds"
     window.drag([2000, 750], [2100, 750])
     assert window.state("editor.state.bounds_m")[:4] == pytest.approx([0, 2100, 0, 1500], abs=4.0)
     assert window.is_content()
@@ -309,7 +311,7 @@ def test_a_plan_follows_each_change_and_another_price_stands_beside_it(page, fil
     took = []
     for step in range(8):
         count = window.state("window.companionPage.figures.planMs.length")
-        window.drag([950, 750 - 10 * step], [950, 740 - 10 * step])
+        window.drag([950, 750 - 20 * step], [950, 730 - 20 * step])
         window.until(f"window.companionPage.figures.planMs.length > {count}")
         window.until("!window.companionPage.editor.planning.file.isOld")
         parts = window.state("[figures.changeMs, figures.planMs].map((entries) => entries.at(-1))")

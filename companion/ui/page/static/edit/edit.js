@@ -11,6 +11,7 @@ import { TOOLS, isTyping, moved, newElement, worldOf } from "./elements.js";
 
 const find = (id) => document.getElementById(id);
 const figures = { firstPictureMs: null, errors: 0, changeMs: [], planMs: [] };
+const GROUND_MS = 700; // after a change: shadows of radars are computed after the plan, not beside it
 const SHOWN = ["flown", "mission", "tracks", "field", "radars", "obstacles", "relief", "tiles"];
 
 window.addEventListener("error", () => figures.errors++);
@@ -36,7 +37,11 @@ class Editor {
     });
     for (const [name] of LAYERS) this.map.layers[name] = SHOWN.includes(name);
     this.form = new Form(find("numbers"), tables.keys, (changes) => this.change(changes));
-    this.planning = new Plans(tables.sliders, { changed: () => this.changed(), take: (changes) => this.change(changes) });
+    this.planning = new Plans(tables.sliders, {
+      changed: () => this.changed(),
+      take: (changes) => this.change(changes),
+      hasUnknown: () => this.elements.some((one) => one.kind === "radars" && one.values.known_beforehand === false),
+    });
     figures.planMs = this.planning.figures.planMs;
     this.flight = new Flight(this.store, { changed: () => this.changed() });
     this.buildTools();
@@ -45,7 +50,7 @@ class Editor {
     this.map.begin(this);
     this.map.fit();
     this.buildLayers();
-    this.renewGround();
+    this.groundTimer = setTimeout(() => this.renewGround(), GROUND_MS);
   }
 
   // --- what the server says
@@ -190,7 +195,8 @@ class Editor {
   afterChange() {
     this.planning.outdate();
     if (find("always").checked && !this.state.faults.length) this.planning.renew();
-    this.renewGround();
+    clearTimeout(this.groundTimer);
+    this.groundTimer = setTimeout(() => this.renewGround(), GROUND_MS);
   }
 
   select(one, corner = null, key = null) {

@@ -41,7 +41,8 @@ export class EditMap extends GroundMap {
       return;
     }
     const found = this.hit(x, y);
-    if (!found) return;
+    this.picked = found;
+    if (!found || found.isPicked === false) return; // the map is moved; a click selects what lies there
     event.stopImmediatePropagation();
     this.canvas.focus();
     this.canvas.setPointerCapture(event.pointerId);
@@ -84,7 +85,7 @@ export class EditMap extends GroundMap {
       this.drag = null;
       this.edit.drop(drag, isClick);
     } else if (isClick) {
-      this.edit.select(null);
+      this.edit.select(this.picked?.element ?? null);
     }
   }
 
@@ -139,7 +140,17 @@ export class EditMap extends GroundMap {
     if (point) return { element: point, part: "body", origin: point.place_m };
     const areas = edit.elements.filter((one) => one.polygon_enu_m?.length > 2 && inside(here, one.polygon_enu_m));
     const area = areas.find((one) => one === edit.selected) ?? areas[0];
-    return area ? { element: area, part: "body", origin: area.polygon_enu_m[0] } : null;
+    // An area is dragged once it is selected: else the map could not be moved where areas cover it.
+    if (area) return { element: area, part: "body", origin: area.polygon_enu_m[0], isPicked: area === edit.selected };
+    const bounds = edit.sections.find((one) => one.kind === "bounds");
+    return bounds && this.isOnEdge(bounds.box_m, x, y) ? { element: bounds, isPicked: false } : null;
+  }
+
+  isOnEdge([west, east, south, north], x, y) {
+    const [left, top] = this.pixelOf([west, north]);
+    const [right, bottom] = this.pixelOf([east, south]);
+    const isInside = x > left - 6 && x < right + 6 && y > top - 6 && y < bottom + 6;
+    return isInside && (Math.min(Math.abs(x - left), Math.abs(x - right)) < 6 || Math.min(Math.abs(y - top), Math.abs(y - bottom)) < 6);
   }
 
   // Where what is selected can be taken hold of.

@@ -13,7 +13,7 @@ const ROWS = [
   ["seen by radars", (plan) => (Number.isFinite(plan.seen_s) ? `${plan.seen_s.toFixed(1)} s` : "–")],
   ["under threat", (plan) => whole("m")(plan.threatened_m)],
   ["highest threat level", (plan) => (Number.isFinite(plan.level_max) ? plan.level_max.toFixed(2) : "–")],
-  ["within a pursuer's reach", (plan) => (Number.isFinite(plan.pursued_s) ? `${plan.pursued_s.toFixed(1)} s` : "–")],
+  ["in pursuers' reach", (plan) => (Number.isFinite(plan.pursued_s) ? `${plan.pursued_s.toFixed(1)} s` : "–")],
   ["free of collisions, Q", (plan) => (Number.isFinite(plan.quality) ? plan.quality.toFixed(3) : "–")],
   ["lowest", (plan) => whole("m up")(plan.lowest_m)],
   ["planned in", (plan) => `${Math.round(plan.took_s * 1000)} ms${plan.is_stopped ? ", stopped" : ""}`],
@@ -119,7 +119,8 @@ export class Plans {
   words(plan) {
     if (!plan.path.length) return `No path: ${plan.status.replaceAll("_", " ")}. ${plan.notes.join(" ")}`;
     if (!plan.reaches_goal) return `The path does not reach the goal (${plan.status}). ${plan.notes.join(" ")}`;
-    return plan.is_stopped ? "Shown as it was after 0.7 s; in flight and by companion plan it may be better." : "";
+    const unknown = this.on.hasUnknown() ? "Radars that are not known beforehand do not count: it learns of them in flight. " : "";
+    return unknown + (plan.is_stopped ? "Shown as it was when its half second was over; companion plan may find a better one." : "");
   }
 
   get shown() {
