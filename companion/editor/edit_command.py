@@ -30,6 +30,7 @@ def edit(
     ] = True,
 ) -> None:
     """Edit a mission file on a map in the browser: draw, check, plan, fly in the simulator, save."""
+    import hashlib
     import logging
     import webbrowser
 
@@ -43,7 +44,7 @@ def edit(
     # Whoever reaches the page may change the file. So it has a token, which its address brings along.
     access = Access(
         page, page_listen or LOOPBACK, page_token or secrets.token_urlsafe(16),
-        cookie=f"companion-edit-{secrets.token_hex(4)}",
+        cookie=f"companion-edit-{hashlib.sha256(bytes(mission.absolute())).hexdigest()[:8]}",
     )  # fmt: skip
     ground = ground_at(page_ground)
     session = EditSession(mission, ground)

@@ -11,13 +11,13 @@ from companion.config.load import BYTES_MAX, mission_text
 from companion.config.sections.geographic_places import frame_of
 from companion.config.source import KeyPath, parse
 from companion.editor.place_changes import bounded, drawn, fenced, moved, removed, set_value
-from companion.editor.text_edits import parsed
+from companion.editor.text_edits import exchanged, parsed
 from companion.errors import ConfigError
 from companion.safe_files import read_file, replace_file
 
 STEPS_MAX = 500  # So many changes can be undone.
 CHANGES_MAX = 2_000  # One step has at most so many changes,
-KINDS = ("set", "move", "bound", "add", "remove", "fence")
+KINDS = ("set", "move", "bound", "add", "remove", "fence", "exchange")
 CORNERS_MAX = 1_000
 DEPTH_MAX = 6  # and a path so many parts.
 MARK = "\ufeff"  # Some editors begin a file with it.
@@ -30,12 +30,13 @@ class Change:
     Parameters
     ----------
     kind : str
-        ``set`` a key, ``move`` a place, ``bound`` the mission, ``add`` or ``remove`` an entry, or ``fence``.
+        ``set`` a key, ``move`` a place, ``add``, ``remove`` or ``exchange`` an entry of a list, ``bound`` the
+        mission, or ``fence`` it.
     path : tuple
         Path of the key, place or entry; places are named as in metres.
     value : object
         New value; the way east and north of ``move``; west, east, south and north of ``bound``; corners of
-        ``fence``, east and north [m].
+        ``fence``, east and north [m]; of ``exchange``, how many places on the other entry is.
     """
 
     kind: str
@@ -59,11 +60,9 @@ def change_of(document: object) -> Change:
     is_path = isinstance(path, list) and 0 < len(path) <= DEPTH_MAX
     if not is_path or not all(type(part) in (str, int) for part in path):  # type: ignore[union-attr]
         raise _wrong("path", path, f"a list of 1 to {DEPTH_MAX} keys and numbers")
-    if kind == "fence" and not _are_corners(value):
-        raise _wrong("value", value, f"at most {CORNERS_MAX} pairs of numbers (metres)")
-    size = {"move": 2, "bound": 4}.get(str(kind))
-    if size is not None and not _are_numbers(value, size):
-        raise _wrong("value", value, f"a list of {size} numbers (metres)")
+    expected = _expected_value(str(kind), value)
+    if expected is not None:
+        raise _wrong("value", value, expected)
     return Change(str(kind), tuple(path), value)  # type: ignore[arg-type]
 
 
@@ -99,6 +98,8 @@ def _changed(text: str, change: Change) -> str:
         return set_value(text, path, value)
     if change.kind == "remove":
         return removed(text, path)
+    if change.kind == "exchange":
+        return exchanged(text, path, int(str(value)))
     frame = frame_of(parsed(text))
     if change.kind == "add":
         return drawn(text, frame, path, value)
@@ -221,6 +222,18 @@ class EditedMission:
             return read_file(self._target, BYTES_MAX)
         except OSError:
             return b""
+
+
+def _expected_value(kind: str, value: object) -> str | None:
+    """Return what was expected instead of a change's value; None if it can be one."""
+    size = {"move": 2, "bound": 4}.get(kind)
+    if size is not None and not _are_numbers(value, size):
+        return f"a list of {size} numbers (metres)"
+    if kind == "fence" and not _are_corners(value):
+        return f"at most {CORNERS_MAX} pairs of numbers (metres)"
+    if kind == "exchange" and type(value) is not int:
+        return "a whole number of places"
+    return None
 
 
 def _are_numbers(value: object, size: int) -> bool:

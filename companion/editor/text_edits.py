@@ -160,6 +160,35 @@ def without(text: str, path: KeyPath) -> str:
     return _verified(document, new, _with(document.data, where, less), path)
 
 
+def exchanged(text: str, path: KeyPath, by: int) -> str:
+    """Return a text in which an entry of a list has changed places with another, with their comments.
+
+    Parameters
+    ----------
+    text : str
+        The mission file.
+    path : tuple
+        Path of the entry.
+    by : int
+        Number of the other entry less that of this one.
+
+    Raises
+    ------
+    ConfigError
+        If there is no other entry there.
+    """
+    document, where, number = parsed(text), path[:-1], path[-1]
+    items = value_at(document.data, where)
+    if not isinstance(items, tuple) or not isinstance(number, int) or not 0 <= number + by < len(items):
+        raise document.error(path, f"an entry of a list, with another one {by:+d} from it")
+    low, high = sorted((number, number + by))
+    (begin, end), (first, last) = (_extent(document, (*where, each)) for each in (low, high))
+    order = list(items)
+    order[low], order[high] = order[high], order[low]
+    new = text[:begin] + text[first:last] + text[end:first] + text[begin:end] + text[last:]
+    return _verified(document, new, _with(document.data, where, lambda _: tuple(order)), path)
+
+
 def value_at(data: object, path: KeyPath) -> object:
     """Return what a parsed file holds at a path; None if there is nothing."""
     for part in path:
@@ -239,6 +268,14 @@ def _span(document: Document, path: KeyPath) -> tuple[int, int]:
         last = list(value)[-1] if isinstance(value, dict) else len(value) - 1
         return start, _span(document, (*path, last))[1]
     return start, start + len(document.text[start:end].rstrip())
+
+
+def _extent(document: Document, path: KeyPath) -> tuple[int, int]:
+    """Return start and end of a list's entry: of its lines, unless the list is in brackets."""
+    start, end = _span(document, path)
+    if _is_flow(document, path[:-1]):
+        return start, end
+    return _line_start(document.text, _dash(document, path)), _line_end(document.text, end)
 
 
 def _is_flow(document: Document, path: KeyPath) -> bool:

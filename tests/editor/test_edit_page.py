@@ -258,6 +258,21 @@ def test_a_route_is_drawn_for_a_vehicle(page, file):
     assert window.is_content()
 
 
+def test_goals_change_places(page, file):
+    window = page()
+    window.click("button[data-tool=goal]")
+    window.point([1000, 300])
+    window.until("window.companionPage.editor.selected?.name === 'goal 2'")
+    window.click("#earlier")
+    window.until("window.companionPage.editor.elements[2].place_m[0] === 1750")
+    assert window.state("editor.selected.name") == "goal 1"
+    assert window.run("return document.querySelector('#earlier').disabled")
+    window.click("#save")
+    window.settled()
+    assert [goal.east_m for goal in load_mission(file).goals] == [pytest.approx(1000, abs=4), 1750]
+    assert window.is_content()
+
+
 def test_numbers_by_hand_and_errors_beside_them(page, file):
     window = page()
     window.point([1150, 1075])
@@ -275,6 +290,9 @@ def test_numbers_by_hand_and_errors_beside_them(page, file):
     assert window.text("#standing") == "not saved yet"
     window.write("polygon_enu_m", "1000, 1050; 1300, 1050; 1300, 1150")
     assert len(window.element("wall")["polygon_enu_m"]) == 3
+    window.run("document.querySelector('#number-top_m').focus()")
+    window.type_key("z", CONTROL)
+    assert len(window.element("wall")["polygon_enu_m"]) == 4, "nothing is being typed"
     window.write("top_m", "high")
     assert "expected a number (metres)" in window.text("#numbers")
     window.click("#undo")

@@ -150,6 +150,10 @@ def test_what_cannot_be_read_is_not_drawn_and_said():
             "request: value: got [1]; expected a list of 2 numbers",
         ),
         ({"do": "move", "path": ["start"], "value": [1, float("nan")]}, "request: value"),
+        (
+            {"do": "exchange", "path": ["goals", 0], "value": 1.5},
+            "request: value: got 1.5; expected a whole number",
+        ),
         ({"do": "fence", "path": ["obstacles"], "value": [[1]]}, "pairs of numbers"),
     ],
 )

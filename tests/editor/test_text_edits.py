@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from companion.config.source import parse
-from companion.editor.text_edits import replaced, value_at, with_item, with_key, without, written
+from companion.editor.text_edits import exchanged, replaced, value_at, with_item, with_key, without, written
 from companion.errors import ConfigError
 
 BLOCKS = """\
@@ -93,6 +93,22 @@ def test_the_last_entry_leaves_an_empty_list_which_is_filled_again():
     assert "radars: []\n  # none of them is known\n" in bare
     assert parse(with_item(bare, ("radars", 0), {"name": "b"}), "x").data["radars"] == ({"name": "b"},)
     assert with_item("a: 1", ("b", 0), {"c": 2}) == "a: 1\nb:\n  - {c: 2}"
+
+
+def test_entries_change_places_with_their_comments():
+    text = "goals:\n  - {a: 1}   # first\n  # between\n  - {a: 2}   # second\n  - b:\n      c: 3\n"
+    text += "list: [1, 2, 3]\n"
+    assert exchanged(text, ("goals", 0), 1).startswith(
+        "goals:\n  - {a: 2}   # second\n  # between\n  - {a: 1}   # first\n  - b:"
+    )
+    assert parse(exchanged(text, ("goals", 2), -2), "x").data["goals"] == (
+        {"b": {"c": 3}},
+        {"a": 2},
+        {"a": 1},
+    )
+    assert "list: [3, 2, 1]" in exchanged(text, ("list", 0), 2)
+    with pytest.raises(ConfigError, match="an entry of a list, with another one"):
+        exchanged(text, ("goals", 0), -1)
 
 
 def test_line_ends_of_windows_stay():

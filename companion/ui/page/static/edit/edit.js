@@ -144,6 +144,10 @@ class Editor {
     list.replaceChildren(none, ...groups);
     list.value = this.selected ? JSON.stringify(this.selected.path) : "";
     find("remove").disabled = !this.selected || this.selected.isSection || this.selected.kind === "start";
+    const mates = this.elements.filter((one) => one.kind === this.selected?.kind && one.path.length > 1);
+    find("earlier").hidden = find("later").hidden = this.selected?.kind !== "goals" || mates.length < 2;
+    find("earlier").disabled = mates[0] === this.selected;
+    find("later").disabled = mates[mates.length - 1] === this.selected;
     const way = { degrees: "latitude and longitude", utm: "UTM", metres: "metres" }[this.selected?.written];
     find("written").textContent = way ? `Line ${this.selected.line} of the file; its place is written in ${way}, and stays so.` : "";
     this.form.show(this.selected);
@@ -266,6 +270,13 @@ class Editor {
     this.change([{ do: "remove", path }]);
   }
 
+  // Goals are flown to in the order of the file.
+  exchange(by) {
+    const { path } = this.selected;
+    const number = path[path.length - 1] + by;
+    this.change([{ do: "exchange", path, value: by }]).then((isDone) => isDone && this.goTo([...path.slice(0, -1), number]));
+  }
+
   // --- drawing
 
   setTool(tool) {
@@ -374,6 +385,8 @@ class Editor {
       plan: () => this.planning.renew(),
       fly: () => this.flight.fly(),
       remove: () => this.remove(),
+      earlier: () => this.exchange(-1),
+      later: () => this.exchange(1),
       nearer: () => this.map.zoom(1.4),
       farther: () => this.map.zoom(1 / 1.4),
       fit: () => this.map.fit(),
@@ -391,7 +404,7 @@ class Editor {
       const isControl = event.ctrlKey || event.metaKey;
       const name = event.key.toLowerCase();
       if (isControl && ["z", "y", "s"].includes(name)) {
-        if (name !== "s" && isTyping(event)) return;
+        if (name !== "s" && isTyping(event) && event.target.value !== event.target.dataset.written) return;
         event.preventDefault();
         if (name === "s") this.blurred().then(() => this.save());
         else this.send(name === "y" || event.shiftKey ? "redo" : "undo");

@@ -61,7 +61,7 @@ export class Form {
     label.htmlFor = input.id;
     label.textContent = name;
     label.title = input.title = [key?.meaning, allowed && `Allowed: ${allowed}.`].filter(Boolean).join(" ");
-    input.value = typed(value);
+    input.value = input.dataset.written = typed(value);
     input.autocomplete = "off";
     if (value === undefined) input.placeholder = (key?.default ?? "").replaceAll("`", "");
     input.addEventListener("change", () => this.write(one, path, value, input.value, allowed));
