@@ -159,8 +159,9 @@ class EditSession:
             raise _wrong("settings", settings, "keys of planning with their values")
         if side not in SIDES:
             raise _wrong("side", side, " or ".join(SIDES))
-        text, number = self._edited.text, self._edited.number
-        return {"number": number, **self._plans.answer(text, str(self._edited.path), settings, str(side))}
+        text, number, file = self._edited.text, self._edited.number, str(self._edited.path)
+        is_whole = body.get("is_whole") is True
+        return {"number": number, **self._plans.answer(text, file, settings, str(side), is_whole=is_whole)}
 
     def _fly(self, body: Body) -> Document:
         pace, seed = body.get("pace", 0), body.get("seed", 1)

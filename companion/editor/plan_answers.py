@@ -21,7 +21,8 @@ from companion.research.campaign.runs import judged_plan, offline_problem, offli
 from companion.types.path import Path
 from companion.types.plan import Plan
 
-TIME_LIMIT_S = 0.5  # A plan that takes longer is shown as it is by then.
+TIME_LIMIT_S = 0.5  # A plan that takes longer is shown as it is by then,
+WHOLE_LIMIT_S = 30.0  # and made to its end, so far as this suffices.
 LEVEL_MIN = 0.01  # Below this a place is not under threat.
 # Prices and limits that the page asks for with sliders: the lowest and the highest value of each.
 SLIDERS: dict[str, tuple[float, float]] = {
@@ -56,9 +57,11 @@ class PlanAnswers:
     def __init__(self) -> None:
         self._turn = threading.Lock()
         self._lock = threading.Lock()
-        self._wanted: dict[str, StopRule] = {}
+        self._wanted: dict[str, _Deadline] = {}
 
-    def answer(self, text: str, file: str, settings: Mapping[str, object], side: str) -> dict[str, object]:
+    def answer(
+        self, text: str, file: str, settings: Mapping[str, object], side: str, *, is_whole: bool = False
+    ) -> dict[str, object]:
         """Return a plan of a mission file's text as JSON.
 
         Parameters
@@ -71,6 +74,8 @@ class PlanAnswers:
             Values of ``planning`` that count instead of the file's, by key.
         side : str
             Side of the comparison that the plan is for.
+        is_whole : bool
+            Whether it is made to its end, while nothing newer is asked for.
 
         Raises
         ------
@@ -87,25 +92,29 @@ class PlanAnswers:
             text = set_value(text, ("planning", key), value)
         mission = mission_from_text(text, file)
         require_goals(mission, file)
-        rule = self._begun(side)
+        rule = self._begun(side, is_whole)
         with self._turn:
             if rule.is_broken_off:
                 raise SupersededError("a newer plan is asked for")
             make_ready()  # The first plan may wait for it, and has its whole time then.
             began = time.perf_counter()
-            rule.start(began + TIME_LIMIT_S)
+            rule.start(began + (WHOLE_LIMIT_S if is_whole else TIME_LIMIT_S))
             plan = _planned(mission, rule)
             took = time.perf_counter() - began
         if rule.is_broken_off:
             raise SupersededError("a newer plan is asked for")
         return _document(mission, plan) | {"took_s": round(took, 3), "is_stopped": rule.is_stopped}
 
-    def _begun(self, side: str) -> _Deadline:
-        """Return the stopping rule of a new plan; the older one of this side is broken off."""
-        rule = _Deadline()
+    def _begun(self, side: str, is_whole: bool) -> _Deadline:
+        """Return the stopping rule of a new plan.
+
+        The older one of this side is broken off, and any that would take long.
+        """
+        rule = _Deadline(is_whole)
         with self._lock:
-            if side in self._wanted:
-                self._wanted[side].break_off()
+            for other, older in self._wanted.items():
+                if other == side or older.is_whole:
+                    older.break_off()
             self._wanted[side] = rule
         return rule
 
@@ -113,8 +122,9 @@ class PlanAnswers:
 class _Deadline(StopRule):
     """Stops a plan at a deadline, which is set when the plan begins."""
 
-    def __init__(self) -> None:
+    def __init__(self, is_whole: bool) -> None:
         super().__init__(lambda _asked: time.perf_counter() >= self._due_s)
+        self.is_whole = is_whole
         self._due_s = 0.0
 
     def start(self, due_s: float) -> None:

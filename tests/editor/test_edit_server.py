@@ -242,6 +242,26 @@ def test_a_newer_plan_of_the_same_side_breaks_the_older_one_off(asking, monkeypa
     assert found == [(200, {"error": "a newer plan is asked for", "is_superseded": True})]
 
 
+def test_a_plan_to_its_end_makes_way_for_the_other_side(asking, monkeypatch):
+    begun, solve = threading.Event(), plan_answers.solve
+
+    def slow(problem, rule):
+        if rule.is_whole:
+            begun.set()
+            while not rule.is_broken_off:
+                pass
+        return solve(problem, rule)
+
+    monkeypatch.setattr(plan_answers, "solve", slow)
+    found = []
+    whole = threading.Thread(target=lambda: found.append(asking.posted("plan", {"is_whole": True})))
+    whole.start()
+    assert begun.wait(PATIENCE_S)
+    assert asking.posted("plan", {"side": "other", "settings": {"price_seen": 1}})[1]["reaches_goal"]
+    whole.join()
+    assert found[0][1]["is_superseded"]
+
+
 # --- flights
 
 

@@ -227,6 +227,7 @@ export class EditMap extends GroundMap {
       context.fill();
       context.globalAlpha = 1;
       context.strokeStyle = ink.danger;
+      context.lineWidth = 1.5;
       context.setLineDash([3, 3]);
       context.stroke();
       context.setLineDash([]);

@@ -98,29 +98,30 @@ export class Plans {
     if (Object.keys(this.settings).length) this.soon("other");
   }
 
-  async ask(side) {
+  async ask(side, isWhole = false) {
     const number = (this.wanted[side] = (this.wanted[side] ?? 0) + 1);
     const began = performance.now();
-    find("planned").textContent = "planning …";
-    const told = await posted("plan", { side, settings: side === "other" ? this.settings : {} });
+    if (!isWhole) find("planned").textContent = "planning …";
+    const told = await posted("plan", { side, settings: side === "other" ? this.settings : {}, is_whole: isWhole });
     if (told.is_superseded || number !== this.wanted[side]) return;
     if (told.error) {
       find("planned").textContent = told.error;
       return;
     }
-    this.figures.planMs.push(performance.now() - began);
+    if (!isWhole) this.figures.planMs.push(performance.now() - began);
     if (side === "other" && !Object.keys(this.settings).length) return;
     this[side] = { ...told, isOther: side === "other", isOld: false };
     find("planned").textContent = this.words(this[side]);
     this.showTable();
     this.on.changed();
+    if (told.is_stopped && !isWhole) this.ask(side, true); // the rest of it, while nothing newer is asked for
   }
 
   words(plan) {
     if (!plan.path.length) return `No path: ${plan.status.replaceAll("_", " ")}. ${plan.notes.join(" ")}`;
     if (!plan.reaches_goal) return `The path does not reach the goal (${plan.status}). ${plan.notes.join(" ")}`;
     const unknown = this.on.hasUnknown() ? "Radars that are not known beforehand do not count: it learns of them in flight. " : "";
-    return unknown + (plan.is_stopped ? "Shown as it was when its half second was over; companion plan may find a better one." : "");
+    return unknown + (plan.is_stopped ? "This is what half a second finds; it goes on." : "");
   }
 
   get shown() {
