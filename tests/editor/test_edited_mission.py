@@ -58,6 +58,27 @@ def points_of(entry):
     return [] if entry is None else [entry] if isinstance(entry[0], float | int) else list(entry)
 
 
+@pytest.mark.parametrize("name", ["convoy", "search-area", "valley"])
+def test_everything_on_the_map_of_a_shipped_mission_can_be_changed(name):
+    text = Path(f"mission_configs/{name}.yaml").read_text(encoding="utf-8")
+    for one in scene_of(text, name).document["elements"]:
+        path = tuple(one["path"])
+        changes = [Change("move", path, [10.0, -5.0]), Change("set", (*path, "new_key"), 5)]
+        changes += [Change("remove", (*path, key)) for key in one["values"]]
+        if len(path) > 1:
+            added = {"name": "new", "east_m": 1.0, "north_m": 2.0}
+            changes += [Change("remove", path), Change("add", path, added)]
+        for line in one.keys() & {"polygon_enu_m", "route_enu_m"}:
+            corner, last = (*path, line, 1), (*path, line, len(one[line]) - 1)
+            changes += [Change("move", corner, [3.0, 3.0]), Change("add", corner, [3.0, 4.0])]
+            changes += [Change("remove", corner), Change("remove", last)]
+        for change in changes:
+            after = changed_text(text, [change])
+            assert [line for line in after.splitlines() if line.startswith("#")] == [
+                line for line in text.splitlines() if line.startswith("#")
+            ], change
+
+
 def test_corners_are_moved_drawn_and_removed_in_degrees():
     path = ("obstacles", 0, "polygon_enu_m")
     moved = changed_text(DEGREES, [Change("move", (*path, 1), [30.0, 0.0])])
