@@ -130,6 +130,9 @@ class EditSession:
     def _change(self, body: Body) -> Document:
         changes = changes_of(body.get("changes"))
         with self._lock:
+            seen = body.get("number", self._edited.number)
+            if seen != self._edited.number:  # Its paths may mean other elements by now.
+                raise _wrong("number", seen, f"{self._edited.number}: another window has changed the mission")
             self._edited.change(changes)
             return self._state()
 

@@ -81,6 +81,13 @@ def test_a_change_is_checked_undone_redone_and_saved(asking, file):
     assert "start: {east_m: 150, north_m: 760, up_m: 500, course_deg: 90}" in file.read_text(encoding="utf-8")
 
 
+def test_a_window_that_has_not_seen_the_last_change_is_refused(asking):
+    assert asking.posted("change", {"changes": [NORTH], "number": 0})[1]["number"] == 1
+    told = asking.posted("change", {"changes": [NORTH], "number": 0})[1]
+    assert told["error"] == "request: number: got 0; expected 1: another window has changed the mission"
+    assert asking.got("/edit/state")["number"] == 1
+
+
 def test_the_page_and_what_it_is_made_of(asking):
     status, headers, data = asking.ask("GET", "/edit/edit.html", Cookie=asking.cookie)
     assert (status, headers["content-type"]) == (200, "text/html; charset=utf-8")

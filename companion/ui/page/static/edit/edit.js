@@ -177,10 +177,10 @@ class Editor {
   send(name, body) {
     this.waiting = this.waiting.then(async () => {
       const began = performance.now();
-      const told = await posted(name, body);
+      const told = await posted(name, { ...body, number: this.state.number });
       find("refused").textContent = told.error ?? "";
       if (told.error) {
-        this.take(this.state);
+        this.take(told.key === "number" ? await got("state") : this.state);
         return false;
       }
       const isOther = told.number !== this.state.number;
