@@ -53,11 +53,6 @@ class EditSession:
             "reload": self._reload, "plan": self._plan, "fly": self._fly, "stop": self._stop,
         }  # fmt: skip
 
-    @property
-    def num_steps(self) -> int:
-        """Number of changes so far."""
-        return self._edited.number
-
     def post(self, name: str, body: Body) -> Document | None:
         """Return the answer to a request that may change something; None if there is no such request.
 
