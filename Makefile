@@ -72,7 +72,7 @@ pythons: $(STAMP) ## test with every Python of 3.11 to 3.13 that is installed
 page-test: $(STAMP) ## drive the page in headless Chromium; needs Debian's chromium and chromium-driver
 	@command -v chromedriver > /dev/null && command -v chromium > /dev/null || { \
 		echo "headless Chromium is needed: apt-get install chromium chromium-driver" >&2; exit 1; }
-	$(BIN)/pytest -q -m page tests/ui/page
+	$(BIN)/pytest -q -m page tests/ui/page tests/editor
 
 mavproxy-test: $(STAMP) ## look at MAVProxy's map with our module; MAVPROXY=/path/to/mavproxy.py, Xvfb, ImageMagick
 	@command -v Xvfb > /dev/null && command -v import > /dev/null && command -v "$${MAVPROXY:-mavproxy.py}" > /dev/null || { \

@@ -81,3 +81,7 @@ _.meets_s
 # What a service asks of a team, which only the tests do yet; and columns of the rows of sim/team.
 _.members_deviating, _.members_in_conflict, _.PAYLOAD_TYPE
 _.shared, _.flight_s, _.bytes_s_max, _.counted_lost
+
+# What http.server reads and calls; and a function that the editor finds by its place.
+_.daemon_threads, _.request_queue_size, _.handle_error, _.do_GET, _.do_POST, _.close_connection, _.timeout
+watched

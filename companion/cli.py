@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 from typer.models import CommandInfo
 
-from companion import __version__, plain_text, safe_files
+from companion import __version__, editor, plain_text, safe_files
 from companion.cli_options import (
     Force,
     GeojsonTarget,
@@ -443,6 +443,7 @@ def _name_of(command: CommandInfo) -> str:
 
 
 mission_commands.register(app)
+editor.register(app)
 OWN_COMMANDS = frozenset(map(_name_of, app.registered_commands))
 
 

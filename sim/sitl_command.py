@@ -23,7 +23,7 @@ from companion.cli_options import (
     PageToken,
     make_ready_with_bar,
 )
-from companion.research.campaign.run_places import FLIGHT, PURSUERS, offer
+from companion.research.campaign.run_places import FLIGHT, PURSUERS, WATCHED, offer
 from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # Every command of companion loads this module, and most of them do not fly.
@@ -40,6 +40,7 @@ def register(app: typer.Typer) -> None:
     app.command("sitl")(sitl)
     offer("anytime", "sim.comparison.anytime_runs:AnytimeRunner")
     offer(FLIGHT, "sim.bench.offline_flight:flown")
+    offer(WATCHED, "sim.bench.offline_flight:watched")
     offer("encounters", "sim.bench.encounter_flights:EncounterRunner")
     offer("flights", "sim.bench.campaign_runs:FlightRunner")
     offer(PURSUERS, "sim.bench.campaign_runs:driven")

@@ -83,6 +83,29 @@ def mission_from_document(document: Document) -> MissionConfig:
     return config
 
 
+def faults_of(document: Document) -> tuple[MissionConfig | None, list[ConfigError]]:
+    """Return a mission, None if it is wrong, and everything that is wrong with it, in the order of the file.
+
+    The first error of :func:`mission_from_document` is among them. A place that cannot be converted hides the
+    others, and a wrong value hides the relations between values.
+
+    Parameters
+    ----------
+    document : Document
+        The parsed mission file.
+    """
+    try:
+        local = local_document(document)
+        config = _beside(MissionConfig.model_validate(local.data), document.file)
+    except ConfigError as error:
+        return None, [error]
+    except ValidationError as error:
+        told = [explained(local, [entry]) for entry in error.errors(include_url=False)]
+        return None, sorted(told, key=lambda entry: entry.line or 0)
+    found = [local.error(path, expected) for path, expected in findings(config)]
+    return None if found else config, found
+
+
 def _beside(config: MissionConfig, file: str) -> MissionConfig:
     """Return a mission whose files lie beside the mission file."""
     terrain = config.terrain

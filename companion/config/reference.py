@@ -73,6 +73,21 @@ def reference() -> str:
     return "\n".join(parts).rstrip() + "\n"
 
 
+def keys_of(model: type[Section]) -> list[dict[str, str]]:
+    """Return the keys of a section that hold values, in words: key, unit, allowed, default and meaning."""
+    return [
+        {
+            "key": name,
+            "unit": _unit(name),
+            "allowed": _type(field.annotation, list(field.metadata)),
+            "default": _default(field),
+            "meaning": meanings(model)[name],
+        }
+        for name, field in model.model_fields.items()
+        if section_in(field.annotation) is None
+    ]
+
+
 def _section(path: str, model: type[Section]) -> list[str]:
     """Return heading, description and table of a section, then those of the sections in it."""
     words = " ".join((model.__doc__ or "").split()).replace("``", "`")

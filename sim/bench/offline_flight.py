@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+from collections.abc import Callable, Mapping
 
 from companion.config import MissionConfig
 from companion.kernels.native.ready import make_ready
 from companion.offline import Flown
+from companion.recording.recorder import Listener
 from companion.types.events import Dialect
 from sim.flight_record import record_of
 from sim.sitl import Flight
@@ -31,3 +34,41 @@ def flown(mission: MissionConfig, seed: int, autopilot: str) -> Flown:
     for name in ("true_path", "dt_path", "dt_paths"):
         del document[name]  # The record has these.
     return Flown(mission, document, record_of(flight))
+
+
+def watched(
+    mission: MissionConfig, seed: int, pace: float, listen: Listener, is_wanted: Callable[[], bool]
+) -> Mapping[str, object]:
+    """Fly a mission while somebody looks on, and return its measures; none if it was not wanted to its end.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission.
+    seed : int
+        Seed of everything random.
+    pace : float
+        Simulated seconds a second; infinite for as fast as it goes.
+    listen : callable
+        Gets each message that a recording would have.
+    is_wanted : callable
+        Asked in each step; the flight ends if it returns False.
+    """
+    make_ready()
+    flight = Flight(mission, seed, speed=pace)
+    flight.recorder.listen(listen)
+
+    async def fly() -> bool:
+        def look(_: Flight) -> None:
+            if not is_wanted():
+                flying.cancel()
+
+        flying = asyncio.ensure_future(flight.fly(look))
+        with contextlib.suppress(asyncio.CancelledError):
+            await flying
+        return not flying.cancelled()
+
+    if not asyncio.run(fly()):
+        return {}
+    paths = ("true_path", "dt_path", "dt_paths")  # Who looks on has them.
+    return {key: value for key, value in flight.document().items() if key not in paths}

@@ -55,7 +55,7 @@ def local_document(document: Document) -> Document:
     """
     if not _has_degrees(MissionConfig, document.data):
         return document
-    conversion = _Conversion(document, _frame_of(document))
+    conversion = _Conversion(document, frame_of(document))
     data = conversion.converted(MissionConfig, document.data, ())
     places = document.places | conversion.places
     return replace(document, data=data, places=places, written=conversion.written)
@@ -73,8 +73,40 @@ def _has_degrees(model: type[BaseModel], value: object) -> bool:
     return any(inner is not None and _has_degrees(inner[0], value.get(key)) for key, inner in sections)
 
 
-def _frame_of(document: Document) -> LocalFrame:
-    """Return the frame of the file's origin, whose keys are checked first."""
+def local_section(
+    document: Document, frame: LocalFrame, model: type[BaseModel], path: KeyPath, section: object
+) -> object:
+    """Return one section of a document with its places in metres east and north of the origin.
+
+    Parameters
+    ----------
+    document : Document
+        The parsed mission file.
+    frame : LocalFrame
+        Frame of the file's origin.
+    model : type of BaseModel
+        Model of the section.
+    path : tuple
+        Path of the section in the document.
+    section : object
+        Content of the section.
+
+    Raises
+    ------
+    ConfigError
+        If a place of the section is wrong.
+    """
+    return _Conversion(document, frame).converted(model, section, path)
+
+
+def frame_of(document: Document) -> LocalFrame:
+    """Return the frame of the file's origin, whose keys are checked first.
+
+    Raises
+    ------
+    ConfigError
+        If the origin is missing or wrong.
+    """
     assert isinstance(document.data, dict)
     if "origin" not in document.data:
         raise document.error(("origin",), "a section with the point from which metres count")
@@ -84,6 +116,21 @@ def _frame_of(document: Document) -> LocalFrame:
         found = [{**entry, "loc": ("origin", *entry["loc"])} for entry in error.errors(include_url=False)]
         raise explained(document, found) from None
     return LocalFrame(float(origin.latitude_deg), float(origin.longitude_deg), float(origin.altitude_amsl_m))
+
+
+def crs_of_zone(name: str) -> str:
+    """Return PROJ's name of a UTM zone's coordinate system, such as that of ``55H``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such zone.
+    """
+    zone = _ZONE.fullmatch(name.upper())
+    if zone is None:
+        raise ValueError(name)
+    base = _SOUTHERN if _BANDS.index(zone[2]) < _BANDS.index("N") else _NORTHERN
+    return f"EPSG:{base + int(zone[1])}"
 
 
 class _Conversion:
@@ -220,8 +267,8 @@ class _Conversion:
             self._number((*path, key), value[key], *limits, "metres") for key, limits in UTM_LIMITS_M.items()
         )
         low = -80.0 + 8.0 * _BANDS.index(zone[2])
-        epsg = (_SOUTHERN if low < 0.0 else _NORTHERN) + int(zone[1])
-        longitude, latitude = transformer_between(f"EPSG:{epsg}", "EPSG:4326").transform(easting, northing)
+        to_degrees = transformer_between(crs_of_zone(str(value["zone"])), "EPSG:4326")
+        longitude, latitude = to_degrees.transform(easting, northing)
         high = low + (12.0 if zone[2] == "X" else 8.0)
         if not low - _BAND_TOLERANCE_DEG <= latitude <= high + _BAND_TOLERANCE_DEG:
             expected = f"the letter of the band that the place lies in; its latitude is {latitude:.3f}"

@@ -29,6 +29,8 @@ class Access:
         Address to listen on.
     token : str
         What viewers have to know; '' if only this computer's viewers may look.
+    cookie : str
+        Name under which a browser keeps the token. Pages of one host share cookies, whatever their port.
 
     Raises
     ------
@@ -39,6 +41,7 @@ class Access:
     port: int
     host: str = LOOPBACK
     token: str = ""
+    cookie: str = COOKIE
 
     def __post_init__(self) -> None:
         try:
@@ -79,21 +82,21 @@ class Access:
             if name in _LOCAL_NAMES or name == self.host:
                 return None
             return _said(HTTPStatus.FORBIDDEN, "Ask for this page by http://127.0.0.1 or localhost.")
-        if hmac.compare_digest(_cookie_of(request), self._key):
+        if hmac.compare_digest(_cookie_of(request, self.cookie), self._key):
             return None
         path, _, query = request.target.partition("?")
         given = parse_qs(query, max_num_fields=20).get("token", [""])[0] if len(query) < 2_000 else ""
         if hmac.compare_digest(given.encode(errors="replace"), self.token.encode()):
             answer = Answer(HTTPStatus.SEE_OTHER, "text/plain", b"")
             place = path if path.startswith("/") and not path.startswith("//") else "/"
-            cookie = f"Set-Cookie: {COOKIE}={self._key}; Path=/; HttpOnly; SameSite=Strict"
+            cookie = f"Set-Cookie: {self.cookie}={self._key}; Path=/; HttpOnly; SameSite=Strict"
             return head_of(answer, f"Location: {place}", cookie, "Cache-Control: no-store")
         return _said(HTTPStatus.UNAUTHORIZED, "This page needs its token: add ?token=... to its address.")
 
 
-def _cookie_of(request: Request) -> str:
+def _cookie_of(request: Request, cookie: str) -> str:
     parts = (part.partition("=") for part in request.headers.get("cookie", "").split(";"))
-    found = next((value for name, _, value in parts if name.strip() == COOKIE), "")
+    found = next((value for name, _, value in parts if name.strip() == cookie), "")
     return found.strip() if found.isascii() else ""
 
 
