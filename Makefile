@@ -119,8 +119,19 @@ bench: $(STAMP) ## measure what must be fast, against the stored baseline or the
 	$(BIN)/python -m tests.bench $(if $(BESIDE),--beside $(BESIDE))
 
 .PHONY: release
-release: $(STAMP) ## build sdist and wheel of this commit, prove the wheel in a fresh environment; checksums and notes in dist
-	$(BIN)/python packaging/make_release.py
+release: $(STAMP) .venv-sbom/stamp ## build and try sdist, wheel and, as root, Debian package of this commit; SBOM, checksums and notes in dist
+	$(BIN)/python packaging/make_release.py $(FLAGS)
+
+.PHONY: deb
+deb: $(STAMP) ## build the Debian package of this commit and try it in a clean Debian; needs root, debootstrap and lintian
+	$(BIN)/python packaging/make_deb.py
+
+# Programs with many packages of their own, in environments of their own: .venv-NAME from requirements/NAME.txt.
+.venv-%/stamp: $(LOCKS)/%.txt
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=/path/to/python3" >&2; exit 1; }
+	$(PYTHON) -m venv .venv-$*
+	.venv-$*/bin/python $(PIP) --only-binary :all: --require-hashes -r $<
+	touch $@
 
 .PHONY: energy
 energy: $(STAMP) ## fly N with a worn battery, with and without the section energy; prints how many come home
