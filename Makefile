@@ -45,6 +45,7 @@ lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade f
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group fuzz -o $(LOCKS)/fuzz.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --extra rerun pyproject.toml -o $(LOCKS)/rerun.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group sbom -o $(LOCKS)/sbom.txt
+	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group site -o $(LOCKS)/site.txt
 
 audit: $(STAMP) ## look for known vulnerabilities of what is installed; fails on one
 	.ci/audit
@@ -132,6 +133,15 @@ deb: $(STAMP) ## build the Debian package of this commit and try it in a clean D
 	$(PYTHON) -m venv .venv-$*
 	.venv-$*/bin/python $(PIP) --only-binary :all: --require-hashes -r $<
 	touch $@
+
+# Pages lie as in the repository, so that every link between them holds as it does in a forge's view of the files.
+# The variable silences an announcement of mkdocs-material's authors at each start.
+.PHONY: site
+site: .venv-site/stamp ## build the documentation as a site in build/site/html: search, reference, every link checked
+	rm -rf build/site
+	mkdir -p build/site/pages
+	git ls-files -z '*.md' docs mission_configs LICENSE | xargs -0 cp --parents -t build/site/pages
+	NO_MKDOCS_2_WARNING=1 .venv-site/bin/mkdocs build --quiet -f packaging/site/mkdocs.yml
 
 .PHONY: energy
 energy: $(STAMP) ## fly N with a worn battery, with and without the section energy; prints how many come home
