@@ -45,6 +45,7 @@ lock: $(STAMP) ## renew requirements/*.txt from pyproject.toml; LOCK=--upgrade f
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group fuzz -o $(LOCKS)/fuzz.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --extra rerun pyproject.toml -o $(LOCKS)/rerun.txt
 	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group sbom -o $(LOCKS)/sbom.txt
+	$(COMPILE) $(LOCK) -c $(LOCKS)/dev.txt --group site -o $(LOCKS)/site.txt
 
 audit: $(STAMP) ## look for known vulnerabilities of what is installed; fails on one
 	.ci/audit
@@ -119,8 +120,28 @@ bench: $(STAMP) ## measure what must be fast, against the stored baseline or the
 	$(BIN)/python -m tests.bench $(if $(BESIDE),--beside $(BESIDE))
 
 .PHONY: release
-release: $(STAMP) ## build sdist and wheel of this commit, prove the wheel in a fresh environment; checksums and notes in dist
-	$(BIN)/python packaging/make_release.py
+release: $(STAMP) .venv-sbom/stamp ## build and try sdist, wheel and, as root, Debian package of this commit; SBOM, checksums and notes in dist
+	$(BIN)/python packaging/make_release.py $(FLAGS)
+
+.PHONY: deb
+deb: $(STAMP) ## build the Debian package of this commit and try it in a clean Debian; needs root, debootstrap and lintian
+	$(BIN)/python packaging/make_deb.py
+
+# Programs with many packages of their own, in environments of their own: .venv-NAME from requirements/NAME.txt.
+.venv-%/stamp: $(LOCKS)/%.txt
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is needed; name it: make PYTHON=/path/to/python3" >&2; exit 1; }
+	$(PYTHON) -m venv .venv-$*
+	.venv-$*/bin/python $(PIP) --only-binary :all: --require-hashes -r $<
+	touch $@
+
+# Pages lie as in the repository, so that every link between them holds as it does in a forge's view of the files.
+# The variable silences an announcement of mkdocs-material's authors at each start.
+.PHONY: site
+site: .venv-site/stamp ## build the documentation as a site in build/site/html: search, reference, every link checked
+	rm -rf build/site
+	mkdir -p build/site/pages
+	git ls-files -z '*.md' docs mission_configs LICENSE | xargs -0 cp --parents -t build/site/pages
+	NO_MKDOCS_2_WARNING=1 .venv-site/bin/mkdocs build --quiet -f packaging/site/mkdocs.yml
 
 .PHONY: energy
 energy: $(STAMP) ## fly N with a worn battery, with and without the section energy; prints how many come home

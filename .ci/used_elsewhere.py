@@ -6,6 +6,8 @@ _.connection_made, _.data_received, _.datagram_received, _.error_received, _.con
 _.log_message  # http.server
 _.StartDoctypeDeclHandler, _.StartElementHandler, _.EndElementHandler, _.CharacterDataHandler  # expat
 _.collect  # prometheus_client
+_.handle_starttag  # html.parser
+_.on_config, _.on_files, _.on_page_markdown, _.on_post_build, _.nav  # mkdocs
 _._from, _._workdir, _._copy, _._env, _._user, _._healthcheck, _._stopsignal, _._entrypoint, _._cmd  # getattr
 
 _.results, _.export  # typer

@@ -3,6 +3,8 @@
 This package holds the command line and the basis of all other packages: time, frames and errors. It imports
 nothing from the simulator.
 
+Examples
+--------
 >>> from companion import fly, load_mission, plan
 >>> plan(load_mission("mission_configs/first-flight.yaml"), seed=1).reaches_goal
 True

@@ -47,6 +47,10 @@ if [ -z "$root" ] && [ "$dry" = no ] && [ "$(id -u)" != 0 ]; then
     echo "install.sh: must be run as root, or with --root DIR or --dry-run" >&2
     exit 1
 fi
+if [ "$(cat "$root/opt/companion/installed" 2> /dev/null)" = package ]; then
+    echo "install.sh: the Debian package has installed the program: apt keeps and removes it" >&2
+    exit 1
+fi
 
 say() { echo "$*"; }
 run() {

@@ -3,8 +3,9 @@
 
 The sdist is built from the commit that is checked out, and the wheel from the sdist, so that each holds what
 the next needs. Both are built with the installed setuptools; nothing is fetched. The wheel is installed into
-a fresh environment. There it names its version, checks a shipped mission and plans it. What passes is put
-into dist, beside the checksums and the notes: the newest section of CHANGELOG.md.
+a fresh environment. There it names its version, checks a shipped mission and plans it. make_deb.py makes and
+tries the Debian package, where that can be done. What passes is put into dist, beside a bill of materials,
+the checksums and the notes: the newest section of CHANGELOG.md.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import io
+import json
 import logging
 import os
 import re
@@ -24,11 +26,17 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+from prove_image import listed, normal
+
 SOURCE = Path(__file__).resolve().parents[1]
 MISSION = "mission_configs/first-flight.yaml"
 PACKAGES = ("companion/", "sim/")
 NOT_PACKED = {"companion/kernels/ruff.toml"}  # A linter's settings are for the checkout.
-OURS = ("safe_rrt_companion-*", "SHA256SUMS", "RELEASE_NOTES.md")
+OURS = ("safe_rrt_companion-*", "safe-rrt-companion_*.deb", "SHA256SUMS", "RELEASE_NOTES.md")
+LOCK = "requirements/service.txt"
+LOCKED = re.compile(r"(?m)^([A-Za-z0-9._-]+)(?:\[[^\]]*\])?==([^\s;]+)")
+BILL_MAKER = SOURCE / ".venv-sbom/bin/cyclonedx-py"
+DEB_CANNOT = 3  # make_deb.py's exit code where this computer lacks what it needs
 HEADING = re.compile(r"^## \[(?P<name>[^\]]+)\](?: - (?P<date>\d{4}-\d{2}-\d{2}))?$", flags=re.MULTILINE)
 BUILD = (
     "import sys; from setuptools import build_meta; getattr(build_meta, 'build_' + sys.argv[1])(sys.argv[2])"
@@ -65,6 +73,49 @@ def checksums(files: list[Path]) -> str:
     """Return lines of SHA-256 and name, as ``sha256sum --check`` reads them."""
     digests = ((hashlib.sha256(file.read_bytes()).hexdigest(), file.name) for file in sorted(files))
     return "".join(f"{digest}  {name}\n" for digest, name in digests)
+
+
+def locked(lock: str) -> set[tuple[str, str]]:
+    """Return name and version of each package in a lock file."""
+    return {(normal(name), version) for name, version in LOCKED.findall(lock)}
+
+
+def bill_of_materials(tree: Path, version: str) -> str:
+    """Return what the service is installed with, by its lock file, as CycloneDX JSON.
+
+    Raises
+    ------
+    RuntimeError
+        If it lists something else.
+    """
+    told = _ran(
+        BILL_MAKER, "requirements", "--pyproject", "pyproject.toml", "--output-reproducible",
+        "--output-format", "JSON", LOCK, folder=tree,
+    )  # fmt: skip
+    bill = json.loads(told)
+    bill["metadata"]["component"]["version"] = version  # pyproject.toml leaves it to the program
+    differs = listed(bill) ^ locked((tree / LOCK).read_text(encoding="utf-8"))
+    if differs:
+        raise RuntimeError(f"the bill of materials is of something else: {sorted(differs)[:5]}")
+    return json.dumps(bill, indent=2, sort_keys=True) + "\n"
+
+
+def debian_package(work: Path) -> list[Path]:
+    """Return the Debian package of this commit, or nothing where none can be made.
+
+    Raises
+    ------
+    RuntimeError
+        If it does not pass.
+    """
+    place = work / "deb"
+    program = SOURCE / "packaging/make_deb.py"
+    code = subprocess.run([sys.executable, program, "--to", place], cwd=SOURCE, check=False).returncode
+    if code == DEB_CANNOT:
+        return []
+    if code != 0:
+        raise RuntimeError("the Debian package does not pass")
+    return list(place.glob("*.deb"))
 
 
 def _ran(*command: str | Path, folder: Path, environment: dict[str, str] | None = None) -> str:
@@ -160,8 +211,17 @@ def prove(wheel: Path, version: str, tree: Path, work: Path) -> None:
         log.info("companion %s: passes", command)
 
 
-def make(target: Path, work: Path) -> None:
+def make(target: Path, work: Path, *, has_deb: bool = True) -> None:
     """Build and prove everything, and put it into a folder in place of an earlier release.
+
+    Parameters
+    ----------
+    target : Path
+        The folder.
+    work : Path
+        A folder for what is on the way.
+    has_deb : bool
+        Whether the Debian package is part of it.
 
     Raises
     ------
@@ -184,13 +244,16 @@ def make(target: Path, work: Path) -> None:
     if missing:
         raise RuntimeError(f"the wheel lacks {len(missing)} files, the first is {missing[0]}")
     prove(wheel, version, tree, work)
+    bill = work / f"{wheel.name.split('-')[0]}-{version}.cdx.json"
+    bill.write_text(bill_of_materials(tree, version), encoding="utf-8")
+    made = [sdist, wheel, bill, *(debian_package(work) if has_deb else [])]
     title = version if section == version else f"{section}, since {version}"
     target.mkdir(parents=True, exist_ok=True)
     for file in (found for pattern in OURS for found in target.glob(pattern)):
         file.unlink()
-    for file in (sdist, wheel):
+    for file in made:
         shutil.copy(file, target)
-    (target / "SHA256SUMS").write_text(checksums([sdist, wheel]), encoding="utf-8")
+    (target / "SHA256SUMS").write_text(checksums(made), encoding="utf-8")
     (target / "RELEASE_NOTES.md").write_text(f"# {title}\n\n{notes}\n", encoding="utf-8")
     if section != version:
         log.info("a rehearsal: for a release the newest section of CHANGELOG.md has a version and a day")
@@ -201,11 +264,13 @@ def main() -> int:
     """Make a release; the exit code says whether it passed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--to", type=Path, default=SOURCE / "dist", help="folder of the result")
-    target = parser.parse_args().to.resolve()
+    parser.add_argument("--no-deb", action="store_true", help="without the Debian package")
+    options = parser.parse_args()
+    target = options.to.resolve()
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     try:
         with tempfile.TemporaryDirectory() as work:
-            make(target, Path(work).resolve())
+            make(target, Path(work).resolve(), has_deb=not options.no_deb)
     except (OSError, ValueError, RuntimeError, subprocess.SubprocessError) as error:
         log.error("no release: %s", error)
         return 1

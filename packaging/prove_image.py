@@ -127,9 +127,10 @@ def debian(cache: Path, release: str) -> Path:
 class Builder:
     """Carries instructions out, stage by stage."""
 
-    def __init__(self, cache: Path, work: Path) -> None:
+    def __init__(self, cache: Path, work: Path, source: Path = SOURCE) -> None:
         self._cache = cache
         self._work = work
+        self._source = source
         self._stages: dict[str, Stage] = {}
         self.base_mb = 0.0
 
@@ -160,7 +161,7 @@ class Builder:
 
     def _copy(self, rest: str) -> None:
         *options, target = shlex.split(rest)
-        origin, sources = SOURCE, []
+        origin, sources = self._source, []
         for option in options:
             if option.startswith("--from="):
                 origin = self._stages[option.removeprefix("--from=")].root
@@ -303,7 +304,7 @@ def installed(packages: Path) -> set[tuple[str, str]]:
         name, version = (re.search(rf"(?m)^{key}: (.+)$", head) for key in ("Name", "Version"))
         if name is None or version is None:
             raise ValueError(f"{metadata}: no name or version")
-        found.add((_normal(name[1]), version[1].strip()))
+        found.add((normal(name[1]), version[1].strip()))
     return found
 
 
@@ -311,10 +312,10 @@ def listed(bill: dict[str, Any]) -> set[tuple[str, str]]:
     """Name and version of each component of a bill of materials."""
     if bill.get("bomFormat") != "CycloneDX":
         raise ValueError(f"{SBOM}: not of CycloneDX")
-    return {(_normal(row["name"]), row["version"]) for row in bill["components"]}
+    return {(normal(row["name"]), row["version"]) for row in bill["components"]}
 
 
-def _normal(name: str) -> str:
+def normal(name: str) -> str:
     """A distribution's name as all ways to write it have it."""
     return re.sub(r"[-_.]+", "-", name.strip()).lower()
 

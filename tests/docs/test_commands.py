@@ -1,10 +1,11 @@
 """Every command on the pages in docs and in the README is run, as a reader would type it.
 
 What a test computer has not is stood in for, and only that: the serial port by the simulator over TCP,
-mavlink-router by the simulator over UDP, systemd's programs and ``sudo`` by ones that take every argument,
-the system's folders and the one that ``pip`` installs into by ones of the test's. The simulator flies faster
-than real time, the doctor counts for a second, and the campaign has fewer runs. A program that runs for ever
-is stopped once it has said what it should. A command that several pages have is run with the first of them.
+mavlink-router by the simulator over UDP, systemd's programs, ``apt`` and ``sudo`` by ones that take every
+argument, the system's folders and the one that ``pip`` installs into by ones of the test's. The simulator
+flies faster than real time, the doctor counts for a second, and the campaign has fewer runs. A program that
+runs for ever is stopped once it has said what it should. A command that several pages have is run with the
+first of them.
 """
 
 import os
@@ -33,7 +34,7 @@ ELSEWHERE = {
 }
 MAVPROXY = "PYTHONPATH=integrations/mavproxy mavproxy.py --master=udp:127.0.0.1:14550 --map --console"
 ELSEWHERE[MAVPROXY] = "tests/integrations, with a MAVProxy of the user's"
-SYSTEMD = ("systemctl", "journalctl")
+SYSTEMD = ("systemctl", "journalctl", "apt")
 SIM = "python -m sim mission_configs/first-flight.yaml --listen"
 SERIAL, TCP = "serial:///dev/ttyAMA0:921600", "tcp://127.0.0.1:5760"
 OFFLINE = "--quiet --disable-pip-version-check --no-index --no-build-isolation"

@@ -1,26 +1,18 @@
 """The Dockerfile and the proof that carries it out keep to each other. ``make image`` runs the proof."""
 
-import importlib.util
 import json
 import re
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.packaging.tools import loaded
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "Dockerfile").read_text(encoding="utf-8")
 
 
-def loaded():
-    spec = importlib.util.spec_from_file_location("prove_image", ROOT / "packaging" / "prove_image.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["prove_image"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-proof = loaded()
+proof = loaded("prove_image")
 STEPS = proof.instructions(TEXT)
 
 

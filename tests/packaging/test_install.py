@@ -136,6 +136,15 @@ def test_purging_without_taking_away_is_refused_and_installs_nothing(install, tm
     assert files(tmp_path) == set()
 
 
+@pytest.mark.parametrize("options", [[], ["--uninstall", "--purge"]])
+def test_what_the_debian_package_has_installed_is_left_to_it(install, tmp_path, options):
+    stamp = tmp_path / "opt/companion/installed"
+    stamp.parent.mkdir(parents=True)
+    stamp.write_text("package\n", encoding="ascii")
+    install(*options, code=1)
+    assert files(tmp_path) == {"opt/companion/installed"}
+
+
 def test_an_unknown_option_is_bad_usage(install):
     install("--everything", code=2)
 

@@ -1,7 +1,8 @@
-"""What a release consists of: its notes, its checksums, and a wheel that lacks nothing."""
+"""What a release consists of: notes, checksums, a bill of materials, and a wheel that lacks nothing."""
 
 import hashlib
-import importlib.util
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,18 +10,13 @@ from pathlib import Path
 import pytest
 
 from companion import __version__
+from tests.packaging.tools import loaded
 
 ROOT = Path(__file__).parents[2]
+LOCK = (ROOT / "requirements" / "service.txt").read_text(encoding="utf-8")
 
 
-def loaded():
-    spec = importlib.util.spec_from_file_location("make_release", ROOT / "packaging" / "make_release.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-release = loaded()
+release = loaded("make_release")
 
 
 def test_the_notes_are_the_newest_section_whole_and_nothing_else():
@@ -57,25 +53,70 @@ def test_checksums_are_read_by_the_program_for_them(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.fixture
+def bill(monkeypatch):
+    """Let another bill be made than that of the lock file."""
+
+    def given(components):
+        told = {"bomFormat": "CycloneDX", "metadata": {"component": {}}, "components": components}
+        monkeypatch.setattr(release, "_ran", lambda *command, folder: json.dumps(told))
+
+    return given
+
+
+def test_a_bill_of_materials_names_the_version_and_lists_the_lock_file(bill):
+    rows = [{"name": name, "version": version} for name, version in release.locked(LOCK)]
+    assert {"name": "numpy", "version": re.search(r"(?m)^numpy==(\S+)", LOCK)[1]} in rows
+    bill(rows)
+    made = json.loads(release.bill_of_materials(ROOT, "1.2.3"))
+    assert made["metadata"]["component"]["version"] == "1.2.3"
+    bill([*rows, {"name": "another", "version": "1"}])
+    with pytest.raises(RuntimeError, match=r"of something else: .*another"):
+        release.bill_of_materials(ROOT, "1.2.3")
+
+
+@pytest.mark.parametrize(("code", "names"), [(0, ["a.deb"]), (release.DEB_CANNOT, [])])
+def test_a_release_has_a_debian_package_where_one_can_be_made(tmp_path, monkeypatch, code, names):
+    def stand_in(command, **_):
+        if code == 0:
+            (tmp_path / "deb").mkdir()
+            (tmp_path / "deb" / "a.deb").touch()
+        return subprocess.CompletedProcess(command, code)
+
+    monkeypatch.setattr(release.subprocess, "run", stand_in)
+    assert [path.name for path in release.debian_package(tmp_path)] == names
+
+
+def test_a_debian_package_that_does_not_pass_ends_the_release(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        release.subprocess, "run", lambda command, **_: subprocess.CompletedProcess(command, 1)
+    )
+    with pytest.raises(RuntimeError, match="does not pass"):
+        release.debian_package(tmp_path)
+
+
 @pytest.mark.slow
 def test_a_commit_becomes_a_release_whose_wheel_plans_by_itself(tmp_path, monkeypatch):
     """Of a copy with one commit, so that it does not matter what is being changed here."""
+    if not release.BILL_MAKER.exists():
+        pytest.skip("make release makes the environment of the bill of materials")
     copy = tmp_path / "checkout"
     for command in (["clone", "--quiet", ROOT, copy], ["-C", copy, "rev-parse", "HEAD"]):
         subprocess.run(["git", *command], check=True, capture_output=True)
     monkeypatch.setattr(release, "SOURCE", copy)
     work, target = tmp_path / "work", tmp_path / "dist"
     work.mkdir()
-    release.make(target, work)
+    release.make(target, work, has_deb=False)
     assert {file.name for file in target.iterdir()} == {
         f"safe_rrt_companion-{__version__}.tar.gz", f"safe_rrt_companion-{__version__}-py3-none-any.whl",
-        "SHA256SUMS", "RELEASE_NOTES.md",
+        f"safe_rrt_companion-{__version__}.cdx.json", "SHA256SUMS", "RELEASE_NOTES.md",
     }  # fmt: skip
+    assert (target / "SHA256SUMS").read_text(encoding="utf-8").count("\n") == 3
     notes = (target / "RELEASE_NOTES.md").read_text(encoding="utf-8")
     assert notes.startswith((f"# {__version__}\n\n", f"# Unreleased, since {__version__}\n\n"))
     (copy / "README.md").write_text("changed", encoding="utf-8")
     with pytest.raises(ValueError, match=r"differ from the commit: .*README\.md"):
-        release.make(target, work)
+        release.make(target, work, has_deb=False)
 
 
 def test_what_fails_ends_it_with_the_words_of_the_program(tmp_path):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -32,14 +33,21 @@ class Store:
     ----------
     folder : Path
         An existing folder.
+    packed : Path, optional
+        A folder that came with the program. It is read where the first has nothing, and never written.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, packed: Path | None = None) -> None:
         self.folder = folder
+        self.packed = packed
 
     def read(self, name: str) -> bytes | None:
         """Return the content of a file, or None if it is missing or damaged."""
-        path = self.folder / name
+        found = self._read(self.folder / name)
+        return self._read(self.packed / name) if found is None and self.packed is not None else found
+
+    @staticmethod
+    def _read(path: Path) -> bytes | None:
         try:
             raw, stamp = path.read_bytes(), path.stat().st_mtime
         except OSError:
@@ -92,16 +100,18 @@ def kernel_store() -> Store:
     """Return the store of the program's kernels.
 
     It is the folder ``kernels`` in ``NUMBA_CACHE_DIR`` or in the user's cache: the first that can be written
-    to, else the first that exists, else a temporary folder of this process.
+    to, else the first that exists, else a temporary folder of this process. Kernels that an installed package
+    brought are read beside it.
     """
+    packed = Path(sys.prefix) / "share" / "companion" / "kernels"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     bases = filter(None, [os.environ.get("NUMBA_CACHE_DIR"), os.path.join(home, "safe-rrt-companion")])
     folders = [Path(base) / "kernels" for base in bases]
     for is_fit in (_is_writable, Path.is_dir):
         for folder in folders:
             if is_fit(folder):
-                return Store(folder)
-    return Store(Path(tempfile.mkdtemp(prefix="safe-rrt-companion-")))
+                return Store(folder, packed)
+    return Store(Path(tempfile.mkdtemp(prefix="safe-rrt-companion-")), packed)
 
 
 def _is_writable(folder: Path) -> bool:

@@ -33,7 +33,7 @@ def local_findings(mission: MissionConfig | None, url: str | None, flights: Path
         Folder for recordings.
     """
     findings = [clock_set(datetime.now(UTC)), clock_synchronised(clock_state())]
-    findings += [kernel_cache(kernel_store().folder), disk(flights)]
+    findings += [kernel_cache(kernel_store().folder, kernel_store().packed), disk(flights)]
     if url is not None and url.startswith("serial://"):
         findings.append(serial_port(Path(url.removeprefix("serial://").rpartition(":")[0])))
     if mission is not None and mission.link.signing is not None:
@@ -58,14 +58,16 @@ def clock_synchronised(state: int) -> Finding:
     return ok(check, "yes")
 
 
-def kernel_cache(folder: Path) -> Finding:
-    """Check that compiled kernels are stored, and that there are any."""
+def kernel_cache(folder: Path, packed: Path | None = None) -> Finding:
+    """Check that compiled kernels are stored, and that there are any, here or with the program."""
     check = "kernel cache"
     if not os.access(folder, os.W_OK):
         return fail(check, f"{folder} cannot be written", "set NUMBA_CACHE_DIR to a folder of the service's")
     if folder.name.startswith("safe-rrt-companion-"):  # kernel_store falls back to this folder.
         return warn(check, f"{folder} is temporary", "set NUMBA_CACHE_DIR: each start compiles again")
     number = sum(1 for _ in folder.glob("*.o"))
+    if number == 0 and packed is not None and any(packed.glob("*.o")):
+        return ok(check, f"{folder} is empty, and there are kernels in {packed}")
     if number == 0:
         return warn(check, f"{folder} is empty", "let the service start once on the ground: it compiles")
     return ok(check, f"{number} kernels in {folder}")

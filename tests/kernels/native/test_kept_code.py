@@ -221,6 +221,21 @@ def test_a_folder_that_cannot_be_written_to_is_no_failure(tmp_path):
     assert store.read("a.o") is None
 
 
+def test_what_came_with_the_program_is_read_where_nothing_else_is_and_never_changed(tmp_path):
+    folder, packed = tmp_path / "cache", tmp_path / "packed"
+    for place in (folder, packed):
+        place.mkdir()
+    Store(packed).write("a.o", b"packed")
+    store = Store(folder, packed)
+    assert (store.read("a.o"), store.read("b.o")) == (b"packed", None)
+    store.write("a.o", b"own")
+    assert store.read("a.o") == b"own"
+    (folder / "a.o").write_bytes(b"damaged")
+    assert store.read("a.o") == b"packed"
+    assert store.prune(4e9) == 1
+    assert [path.name for path in packed.iterdir()] == ["a.o"]
+
+
 def test_what_nobody_reads_goes_and_the_oldest_beyond_what_it_may_take(tmp_path):
     store, now_s = Store(tmp_path), 1e9
     for name, days in (("new", 1.0), ("read", UNUSED_DAYS_MAX - 1.0), ("old", UNUSED_DAYS_MAX + 1.0)):

@@ -62,6 +62,11 @@ def test_an_unsynchronised_clock_is_told(state, verdict):
 
 def test_a_cold_a_temporary_and_a_warm_kernel_cache_are_told_apart(tmp_path):
     assert doctor.kernel_cache(tmp_path).verdict is WARN
+    packed = tmp_path / "packed"
+    packed.mkdir()
+    assert doctor.kernel_cache(tmp_path, packed).verdict is WARN
+    (packed / "x.o").touch()
+    assert doctor.kernel_cache(tmp_path, packed).verdict is OK
     (tmp_path / "search-0123.o").touch()
     assert doctor.kernel_cache(tmp_path).verdict is OK
     temporary = tmp_path / "safe-rrt-companion-x"
