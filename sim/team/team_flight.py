@@ -165,6 +165,25 @@ class TeamFlight:
         }
 
 
+@dataclass
+class Free:
+    """What makes a place free for a member.
+
+    Parameters
+    ----------
+    clear_m : float
+        A circle of this radius about it is inside the bounds and clear of all obstacles [m].
+    apart_m : float
+        The way from it to its circle is this far from those of other members [m].
+    taken : list of shapely.LineString
+        The ways of the members that have a place.
+    """
+
+    clear_m: float
+    apart_m: float
+    taken: list[shapely.LineString] = field(default_factory=list)
+
+
 def fly_team(flight: TeamFlight) -> None:
     """Fly a team to its end."""
     asyncio.run(flight.fly())
@@ -183,10 +202,11 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     circle_m = 1.3 * float(mission.vehicle.turn_radius_min_m)
     free_m, beside_m = circle_m + team.tolerance_m, team.apart_m + 2.0 * team.tolerance_m
     ends = [np.array([place.east_m, place.north_m]) for place in (start, goal)]
-    apart_m = 2.0 * circle_m + beside_m
+    goals_free = Free(free_m, 2.0 * circle_m + beside_m)
+    starts_free = Free(free_m, 2.0 * float(mission.vehicle.turn_radius_min_m) + beside_m)
     num_of = [(num + 1) // 2, num // 2]
     goals = [
-        _spots(mission, end, count, free_m, apart_m, lambda place, _: place)
+        _spots(mission, end, count, goals_free, lambda place, _: place)
         for end, count in zip(ends, num_of[::-1], strict=True)
     ]
 
@@ -194,7 +214,7 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
         return lambda place, index: _circle_before_the_first_plan(mission, place, goals[1 - way][index])
 
     starts = [
-        _spots(mission, end, count, free_m, apart_m, circled_from(way))
+        _spots(mission, end, count, starts_free, circled_from(way))
         for way, (end, count) in enumerate(zip(ends, num_of, strict=True))
     ]
     missions = []
@@ -242,12 +262,11 @@ def _circle_before_the_first_plan(mission: MissionConfig, place: FloatArray, goa
 
 
 def _spots(
-    mission: MissionConfig, near: FloatArray, num: int, free_m: float, apart_m: float, circled: Circled
+    mission: MissionConfig, near: FloatArray, num: int, free: Free, circled: Circled
 ) -> list[FloatArray]:
     """Return the ``num`` free places, each (2,), nearest to ``near`` (2,), with circles that keep clear.
 
-    A place is free if a circle of ``free_m`` about it is inside the bounds and clear of all obstacles [m].
-    Places, and the centres that ``circled`` gives for a place and its number, are ``apart_m`` apart [m].
+    ``circled`` gives the centre of the circle that is flown to from a place with its number.
     """
     walls = shapely.union_all([shapely.Polygon(wall.polygon_enu_m) for wall in mission.obstacle_list])
     area = shapely.box(
@@ -255,24 +274,21 @@ def _spots(
         mission.bounds.north_m[0],
         mission.bounds.east_m[1],
         mission.bounds.north_m[1],
-    ).buffer(-free_m)
+    ).buffer(-free.clear_m)
     steps = np.arange(-60, 61) * SPOTS_M
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid = grid[np.argsort(np.hypot(*grid.T), kind="stable")][:SPOTS_MAX]
     found: list[FloatArray] = []
-    centres: list[FloatArray] = []
-
     for place in near + grid:
         point = shapely.Point(place)
-        if not area.contains(point) or walls.distance(point) < free_m:
+        if not area.contains(point) or walls.distance(point) < free.clear_m:
             continue
-        centre = circled(place, len(found))
-        others = [*found, *centres]
-        if all(math.dist(one, other) >= apart_m for one in (place, centre) for other in others):
+        way = shapely.LineString([place, circled(place, len(found))])
+        if all(way.distance(other) >= free.apart_m for other in free.taken):
             found.append(place)
-            centres.append(centre)
+            free.taken.append(way)
             if len(found) == num:
                 return found
     raise NoPlaceError(
-        f"no free places for {num} circles {apart_m:.0f} m apart near {near[0]:.0f}, {near[1]:.0f}"
+        f"no free places for {num} circles {free.apart_m:.0f} m apart near {near[0]:.0f}, {near[1]:.0f}"
     )
