@@ -137,14 +137,15 @@ class TeamExchange:
             )  # fmt: skip
         self._lost = lost
 
-    def _announce(self, agreement: Agreement, utc_s: float) -> None:
-        """Announce what is flown if that is nothing that the others know."""
+    def _announce(self, agreement: Agreement, utc_s: float, *, anew: bool = False) -> None:
+        """Announce what is flown if that is nothing that the others know, or ``anew`` in any case."""
         state, now_s = self._flight.state, self._clock.now_s()
         ownship, config = self._ownship.state(now_s), state.mission.team
-        if ownship is None or config is None or not self._announced.is_due(agreement, ownship, utc_s):
+        if ownship is None or config is None:
             return
-        rows = announced_rows(state, ownship, self._link.autopilot.current)
-        agreement.announce(self._announced.plan(rows, config, utc_s - now_s))
+        if anew or self._announced.is_due(agreement, ownship, utc_s):
+            rows = announced_rows(state, ownship, self._link.autopilot.current)
+            agreement.announce(self._announced.plan(rows, config, utc_s - now_s))
 
     # --- proposals
 
@@ -165,7 +166,8 @@ class TeamExchange:
         if plan is None:
             return ""
         self._is_asking = True
-        self._announce(agreement, utc_s)
+        # Which way the autopilot flies may have become known since; while this is proposed it cannot be told.
+        self._announce(agreement, utc_s, anew=self._flight.state.flown is None)
         if agreement.propose(plan, utc_s, constructed.start.state.stamp_s + ahead_s) is None:
             return f"the path of system {_listed(agreement.refused_by)}"
         return ""
@@ -176,13 +178,13 @@ class TeamExchange:
         ownship, flown = self._ownship.state(now_s), self._flight.state.flown
         if config is None or ownship is None:
             return None
-        here = np.array([[now_s, *ownship.position_enu_m]])
         start_s, path = constructed.start.state.stamp_s, constructed.path
-        parts = [here]
-        if flown is not None:
-            times = flown.path.times_s
-            is_before = (times > now_s) & (times < start_s - STOPS_S)
-            parts.append(np.column_stack([times, flown.path.positions_enu_m])[is_before])
+        if flown is None:
+            before = announced_rows(self._flight.state, ownship, self._link.autopilot.current)
+        else:
+            before = np.column_stack([flown.path.times_s, flown.path.positions_enu_m])
+        is_before = (before[:, 0] > now_s) & (before[:, 0] < start_s - STOPS_S)
+        parts = [np.array([[now_s, *ownship.position_enu_m]]), before[is_before]]
         is_carried = (path.times_s > now_s) & (path.times_s <= constructed.covered_until_s)
         parts.append(np.column_stack([path.times_s, path.positions_enu_m])[is_carried])
         centre, radius_m = constructed.waypoints.circle

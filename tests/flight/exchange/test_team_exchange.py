@@ -276,3 +276,19 @@ def test_what_is_flown_is_announced_once_it_is_not_what_was_told_and_before_it_e
     assert is_due_at(16.0, 1400.0)  # Less than half of the 30 s is left.
     agreement.propose(SharedPlan(1, 0, agreement.committed.rows, 80.0, 50.0, 10.0), AHEAD_S + 16.0)
     assert not is_due_at(16.0, 1400.0)
+
+
+def test_before_its_first_plan_a_member_announces_anew_what_it_flies_with_each_proposal():
+    team = Team().begin()
+    team.talk(2.0)
+    team.own = replace(team.own, position_enu_m=(40.0, 0.0, 100.0))
+    team.exchange.propose(mission(*AHEAD))
+    assert team.exchange.agreement.committed.place_at(AHEAD_S + 5.0) == pytest.approx(
+        (40.0, 0.0, 100.0), abs=0.1
+    )
+    team.state.flown = SimpleNamespace(path=path_of(np.array([0.0, 9.0]), np.zeros((2, 3)), np.zeros(2)))
+    team.own = replace(team.own, position_enu_m=(60.0, 0.0, 100.0))
+    team.exchange.propose(mission(*AHEAD))
+    assert team.exchange.agreement.committed.place_at(AHEAD_S + 5.0) == pytest.approx(
+        (40.0, 0.0, 100.0), abs=0.1
+    )
