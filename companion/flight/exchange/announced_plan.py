@@ -19,6 +19,8 @@ from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
 ANNOUNCED_S = 30.0  # The flight is announced this far ahead, and again after half of it.
+CIRCLE_S = 60.0  # An aircraft that circles has come round by then.
+ROUND_S, ROUND_M = 15.0, 30.0  # It has come round if it is so near to where it was so long before.
 OFF_S = 2.0  # An aircraft that is off its plan for so long flies something else.
 STANDS_M_S = 3.0  # An aircraft that is slower than this stands on the ground.
 
@@ -44,9 +46,38 @@ def announced_rows(state: FlightState, ownship: Ownship, current: MissionCurrent
     if ownship.ground_speed_m_s < STANDS_M_S:
         return here
     # Of a pilot's tracks the last one is straight.
-    track = mode_tracks(state, ownship, current, ANNOUNCED_S).positions_enu_m[-1]
+    track = mode_tracks(state, ownship, current, CIRCLE_S).positions_enu_m[-1]
     times = ownship.stamp_s + STEP_S * np.arange(1, len(track))
     return np.vstack([here, np.column_stack([times, track[1:]])])
+
+
+def circled(rows: FloatArray) -> tuple[FloatArray, float]:
+    """Return what is told of a flight, and the radius of the circle in which it ends.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, 4)
+        Time [s], east, north, up [m], ``STEP_S`` apart.
+
+    Returns
+    -------
+    rows : ndarray, shape (M, 4)
+        The flight until it stays in its circle, and then the circle's centre; without a circle all of
+        ``ANNOUNCED_S``.
+    radius_m : float
+        Radius of the circle; 0 if it does not circle [m].
+    """
+    before = rows[rows[:, 0] <= rows[-1, 0] - ROUND_S]
+    came_by = np.flatnonzero(np.linalg.norm(before[:, 1:] - rows[-1, 1:], axis=1) < ROUND_M)
+    if not len(came_by):
+        return rows[rows[:, 0] <= rows[0, 0] + ANNOUNCED_S], 0.0
+    loop = rows[came_by[-1] :, 1:]
+    centre = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
+    away = np.hypot(*(rows[:, 1:3] - centre[:2]).T)
+    radius_m = float(away[came_by[-1] :].max())
+    outside = np.flatnonzero(away > radius_m)
+    enters = int(outside[-1]) + 1 if len(outside) else 0
+    return np.vstack([rows[: enters + 1], [rows[enters, 0], *centre]]), radius_m
 
 
 class AnnouncedPlan:
@@ -83,7 +114,7 @@ class AnnouncedPlan:
         return utc_s >= self._off_since_s + OFF_S
 
     def plan(self, rows: FloatArray, config: TeamConfig, ahead_s: float) -> SharedPlan:
-        """Return a plan of what is flown, whose end is not known.
+        """Return a plan of what is flown; unless that is a circle, its end is not known.
 
         Parameters
         ----------
@@ -95,5 +126,5 @@ class AnnouncedPlan:
             UTC less the service's clock [s].
         """
         self._off_since_s = None
-        rows = rows + np.array([ahead_s, 0.0, 0.0, 0.0])
-        return SharedPlan(0, 0, rows, 0.0, config.tolerance_m, config.tolerance_up_m)
+        rows, radius_m = circled(rows + np.array([ahead_s, 0.0, 0.0, 0.0]))
+        return SharedPlan(0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m)

@@ -10,7 +10,7 @@ import pytest
 from companion.clock import ManualClock
 from companion.config.models import Bounds
 from companion.config.sections.team_section import TeamConfig
-from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows
+from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows, circled
 from companion.flight.exchange.team_exchange import TeamExchange, UtcClock, settings_of
 from companion.flight.state.decision import Verdict
 from companion.mission.waypoints import Waypoints
@@ -244,15 +244,20 @@ def flying(bank_rad=0.0):
 
 
 def test_an_aircraft_that_a_pilot_flies_announces_straight_flight():
-    rows = announced_rows(in_mode(Motion.STEERED), flying(bank_rad=0.5), None)
+    rows, radius_m = circled(announced_rows(in_mode(Motion.STEERED), flying(bank_rad=0.5), None))
     seconds = rows[-1, 0] - rows[0, 0]
-    assert seconds == ANNOUNCED_S
+    assert (seconds, radius_m) == (ANNOUNCED_S, 0.0)
     assert rows[-1, 1:] == pytest.approx([1000.0 + 25.0 * seconds, 0.0, 100.0], abs=0.1)
 
 
 def test_an_aircraft_that_circles_announces_its_circle():
-    rows = announced_rows(in_mode(Motion.CIRCLE, (1500.0, 0.0, 100.0)), flying(), None)
-    assert np.hypot(rows[-8:, 1] - 1500.0, rows[-8:, 2]) == pytest.approx(140.0, abs=25.0)
+    whole = announced_rows(in_mode(Motion.CIRCLE, (1500.0, 0.0, 100.0)), flying(), None)
+    rows, radius_m = circled(whole)
+    assert rows[-1, 1:] == pytest.approx([1500.0, 0.0, 100.0], abs=40.0)
+    assert radius_m == pytest.approx(140.0, abs=25.0)
+    assert rows[-1, 0] == rows[-2, 0] < whole[-1, 0] - 30.0
+    later = whole[whole[:, 0] >= rows[-1, 0]]
+    assert np.hypot(*(later[:, 1:3] - rows[-1, 1:3]).T).max() <= radius_m + 1e-6
 
 
 def test_what_is_flown_is_announced_once_it_is_not_what_was_told_and_before_it_ends():
