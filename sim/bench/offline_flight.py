@@ -30,10 +30,7 @@ def flown(mission: MissionConfig, seed: int, autopilot: str) -> Flown:
     make_ready()
     flight = Flight(mission, seed, dialect=Dialect(autopilot))
     asyncio.run(flight.fly())
-    document = flight.document()
-    for name in ("true_path", "dt_path", "dt_paths"):
-        del document[name]  # The record has these.
-    return Flown(mission, document, record_of(flight))
+    return Flown(mission, measures_of(flight), record_of(flight))
 
 
 def watched(
@@ -68,7 +65,10 @@ def watched(
             await flying
         return not flying.cancelled()
 
-    if not asyncio.run(fly()):
-        return {}
-    paths = ("true_path", "dt_path", "dt_paths")  # Who looks on has them.
+    return measures_of(flight) if asyncio.run(fly()) else {}
+
+
+def measures_of(flight: Flight) -> dict[str, object]:
+    """Return what was measured of a flight, without its paths: the record and whoever looks on have these."""
+    paths = ("true_path", "dt_path", "dt_paths")
     return {key: value for key, value in flight.document().items() if key not in paths}

@@ -152,11 +152,12 @@ class LeastRouteSearch:
         if math.isinf(self.bound_s):
             return self._to_goals_before()
         if not self._exploration.is_pursued:
-            alone = self._search(self._airspeeds[0], self._field_alone(), MOST_DANGER)
+            cruise = self._airspeeds[0]
+            alone = self._search(cruise, self._field_alone(), MOST_DANGER)
             if not len(self._exploration.game.vehicles) or self._is_clear_of_all(alone):
                 return alone
-            foreseen = self._at_best_airspeed(MOST_DANGER)
-            return alone if foreseen is None or foreseen.cost_s > alone.cost_s else foreseen
+            foreseen = self._search(cruise, self._field(cruise, MOST_DANGER), MOST_DANGER)
+            return min((foreseen, alone), key=lambda each: each.cost_s)
         found = self._at_best_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
             found = self._at_best_airspeed(MOST_DANGER)
