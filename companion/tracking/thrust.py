@@ -30,6 +30,9 @@ REFERENCE_S = (4.0, 14.0)  # The rate is compared with the rates of this age.
 # 3 m/s; a steep turn costs about 1 m/s.
 DROP_M_S = 2.0
 DROP_DEVIATIONS = 4.0  # In gusts it must be lower by this many of their standard deviations.
+# More throttle adds energy: from idle to full at least this rate. A small aircraft climbs at 3 m/s or more at
+# full throttle, and flies level at half of it.
+FULL_THROTTLE_M_S = 4.0
 MAD_TO_DEVIATION = 1.4826  # Ratio of the standard deviation to the median absolute deviation (normal).
 LASTS_S = 1.0  # A lack of thrust is a fault after this time.
 WORKING_SHARE = 0.15  # With less throttle little thrust is expected.
@@ -137,7 +140,8 @@ class ThrustMonitor:
         lost = f"{-now.energy_m_s:.1f} m/s of height are lost"
         if now.throttle >= OPEN_SHARE * throttle_max:
             return f"{lost} with the throttle open"
-        has_dropped = now.energy_m_s < usual - max(DROP_M_S, DROP_DEVIATIONS * deviation)
+        expected = usual + FULL_THROTTLE_M_S * max(now.throttle - throttle, 0.0)
+        has_dropped = now.energy_m_s < expected - max(DROP_M_S, DROP_DEVIATIONS * deviation)
         is_same = now.throttle >= max(throttle - SAME_THROTTLE, WORKING_SHARE)
         return f"{lost} with the throttle as before" if has_dropped and is_same else ""
 

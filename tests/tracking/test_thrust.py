@@ -70,6 +70,12 @@ def test_a_loss_with_the_throttle_as_before_is_told():
     assert 21.5 <= told_s(level(20.0) + sinking(20.0, 30.0, 2.8, 0.5)) <= 24.5
 
 
+def test_a_smaller_loss_is_told_when_the_throttle_rises():
+    """0.3 more throttle is 1.2 m/s that are missing, so that 1.6 m/s count like 2.8 of 2."""
+    assert told_s(level(20.0, throttle=0.2) + sinking(20.0, 30.0, 1.6, 0.2)) is None
+    assert 21.5 <= told_s(level(20.0, throttle=0.2) + sinking(20.0, 30.0, 1.6, 0.5)) <= 24.5
+
+
 def test_an_idle_throttle_gives_no_thrust_and_is_no_fault():
     assert told_s(level(20.0, throttle=0.05) + sinking(20.0, 30.0, 3.0, 0.05)) is None
 

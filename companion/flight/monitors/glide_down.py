@@ -231,7 +231,8 @@ class GlideDown:
         is_flown, reason = await self._handover.glide(constructed)
         kind = DecisionKind.SWAP if is_flown else DecisionKind.REJECTED
         self._announcer.decide(kind, f"glide to {choice.place.name}: {reason}")
-        if is_flown and self._choice is not None and self._choice.place is choice.place:
+        # Another place or circle may have been chosen during the exchange; that is still to be handed over.
+        if is_flown and (_place(self._choice), _circle(self._choice)) == (choice.place, choice.approach):
             self._stage = Stage.FLOWN
 
     async def _make_current(self, choice: LandingChoice, item: int, stage: Stage) -> None:
