@@ -11,6 +11,7 @@ from companion.types.mission import Command, MavFrame, MissionItem
 from sim.autopilot.autopilot_parameters import Parameters
 from sim.autopilot.base import Autopilot
 from sim.autopilot.telemetry import Home, Target
+from sim.mission_types import is_navigation
 from sim.projection import FastProjection
 from sim.vehicle.control import Circle, Flight, Leg, progress_on
 from sim.vehicle.outer_loops import Point
@@ -19,6 +20,11 @@ RELATIVE_FRAMES = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_IN
 TERRAIN_FRAMES = (MavFrame.GLOBAL_TERRAIN_ALT, MavFrame.GLOBAL_TERRAIN_ALT_INT)
 _TAKEOFF_REACH_M = 5000.0
 _LOITERS = (17, 18, 19, 31)
+# A circle to a height is left on a course that differs by less from that to the next item: 10° in ArduPlane's
+# ``ModeLoiter::isHeadingLinedUp``, 12° in PX4 (MIS_YAW_ERR).
+_LEAVING_RAD = math.radians(10.0)
+_LEAVING_RADII = 1.2  # The course is not waited for if the next item is nearer to the middle (PX4).
+_HEIGHT_REACHED_M = 5.0
 
 
 class MissionPilot(Autopilot):
@@ -28,7 +34,14 @@ class MissionPilot(Autopilot):
     ----------
     flight, projection, parameters, home
         As of :class:`sim.autopilot.base.Autopilot`.
+
+    Attributes
+    ----------
+    always_waits_for_course : bool
+        Whether a circle to a height is left on the course to the next item even if the item does not ask.
     """
+
+    always_waits_for_course = False
 
     def __init__(
         self, flight: Flight, projection: FastProjection, parameters: Parameters, home: Home
@@ -38,6 +51,7 @@ class MissionPilot(Autopilot):
         self._begun_us = 0
         self._arrived_us: int | None = None
         self._turned_rad = 0.0
+        self._is_at_height = False
         self._bearing_rad = 0.0
         self._speed_m_s: float | None = None
 
@@ -48,6 +62,7 @@ class MissionPilot(Autopilot):
     def _steer_item(self, item: MissionItem) -> None:
         """Steer for a navigation item: from the last target if there is one, else from here."""
         self._begun_us, self._arrived_us, self._turned_rad = self.now_us, None, 0.0
+        self._is_at_height = False
         estimate = self.flight.estimate
         target = self._position(item)
         if item.command == Command.NAV_TAKEOFF:
@@ -117,7 +132,11 @@ class MissionPilot(Autopilot):
         return math.hypot(east - steering.centre[0], north - steering.centre[1]) < 1.25 * steering.radius_m
 
     def _has_circled(self, circle: Circle, item: MissionItem) -> bool:
-        """Return whether a loiter's turns, time or height are done; counted from when the circle is met."""
+        """Return whether a loiter's turns, time or height are done; counted from when the circle is met.
+
+        A circle to a height is left towards the next item (``verify_loiter_to_alt`` of ArduPlane,
+        ``MissionBlock::is_mission_item_reached_or_completed`` of PX4).
+        """
         east, north = self.flight.position
         bearing = math.atan2(east - circle.centre[0], north - circle.centre[1])
         if self._arrived_us is None:
@@ -130,7 +149,19 @@ class MissionPilot(Autopilot):
             return self._turned_rad >= 2.0 * math.pi * (item.parameters[0] or 1.0)
         if item.command == Command.NAV_LOITER_TIME:
             return self.now_us - self._arrived_us >= 1_000_000 * (item.parameters[0] or 0.0)
-        return abs(self.flight.estimate.up_m - circle.height_m) < 5.0
+        self._is_at_height |= abs(self.flight.estimate.up_m - circle.height_m) < _HEIGHT_REACHED_M
+        waits = self.always_waits_for_course or bool(item.parameters[0])
+        return self._is_at_height and (not waits or self._points_to_next(circle, item))
+
+    def _points_to_next(self, circle: Circle, item: MissionItem) -> bool:
+        """Return whether the course over ground leads to the next navigation item, or there is none."""
+        follows = (entry for entry in self.mission_items[item.sequence + 1 :] if is_navigation(entry.command))
+        place = next((self._position(entry)[:2] for entry in follows), None)
+        if place is None or math.dist(circle.centre, place) < _LEAVING_RADII * circle.radius_m:
+            return True
+        east, north = self.flight.position
+        bearing = math.atan2(place[0] - east, place[1] - north)
+        return abs(wrapped_angle(bearing - self.flight.estimate.course_rad)) < _LEAVING_RAD
 
     def _position(self, item: MissionItem) -> Target:
         """East, north, up of an item [m]; 0/0 stands for the present position."""

@@ -11,7 +11,7 @@ from tests.glide.glide_flights import GlideHarness, flown, judged, mission_of
 from tests.support.sitl_harness import SitlHarness
 
 STOPS_S = 30.0
-# In these flights another circle is chosen while a mission is exchanged, and the engine stops in a slow climb.
+# In one flight another circle is chosen while a mission is exchanged; in one the engine stops in a climb.
 ANOTHER_CIRCLE, CLIMBING = 1084, 1151
 TOLD_MAX_S = 5.0
 NUMBERS = {"ardupilot": 9, "px4": 13}  # Flights of first-flight.

@@ -78,6 +78,7 @@ class ArduPlane(MissionPilot):
     """
 
     default_streams = (1, 2, 24, 30, 33, 42, 62, 74, 87, 168, 193)
+    always_waits_for_course = True
 
     def __init__(
         self, flight: Flight, projection: FastProjection, parameters: Parameters, home: Home

@@ -83,6 +83,22 @@ def test_a_loiter_to_height_ends_at_it(client):
     assert autopilot(client).flight.estimate.up_m == pytest.approx(150.0, abs=6.0)
 
 
+def course_off_rad(course_rad, position, place):
+    """Angle between a course and the direction from a position to a place."""
+    bearing = math.atan2(place[0] - position[0], place[1] - position[1])
+    return abs(math.remainder(course_rad - bearing, 2.0 * math.pi))
+
+
+@pytest.mark.parametrize("east_m", [-1500.0, 1500.0])
+def test_a_loiter_to_height_is_left_on_the_course_to_the_next_item(client, east_m):
+    place = (east_m, -125.0)
+    client.upload([*route(), item(31, 300.0, -125.0, 140.0, p2=125.0), item(LOITER, *place, 150.0)])
+    client.set_current(1)
+    assert client.until(lambda: autopilot(client).current_sequence == 2, 120.0)
+    flight = autopilot(client).flight
+    assert course_off_rad(flight.estimate.course_rad, flight.position, place) < math.radians(11.0)
+
+
 def test_an_rtl_item_changes_the_mode_and_flies_home(client):
     client.upload([*route((300.0, 0.0)), item(RTL, 0.0, 0.0)])
     client.set_current(1)

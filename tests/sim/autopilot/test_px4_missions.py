@@ -18,6 +18,7 @@ from tests.sim.autopilot.px4_client import (
     SECOND,
     THIRD,
     Px4Client,
+    landing,
     px4_route,
 )
 from tests.sim.client import SPEED, Client, item
@@ -322,3 +323,19 @@ def test_after_a_reboot_it_holds_with_its_mission(flying):
     flying.step(1.0)
     assert flying.autopilot.mode == "LOITER"
     assert flying.autopilot.mission_items == items
+
+
+# --- the circle before a landing
+
+
+@pytest.mark.parametrize("asks_for_course", [1.0, 0.0])
+def test_a_circle_to_a_height_is_left_at_once_or_on_the_course_to_the_landing(client, asks_for_course):
+    pattern, land = landing()[1:]
+    tail = [landing()[0], pattern | {"p1": asks_for_course}, land]
+    assert client.upload(px4_route(AHEAD, tail=tail, current=3)) == ACCEPTED
+    assert client.until(lambda: client.autopilot.current_sequence == 4, 120.0)
+    flight = client.autopilot.flight
+    east, north = flight.position
+    off = abs(math.remainder(flight.estimate.course_rad - math.atan2(-east, -north), 2.0 * math.pi))
+    assert flight.estimate.up_m == pytest.approx(60.0, abs=5.0)
+    assert (off < math.radians(11.0)) is bool(asks_for_course)
