@@ -51,7 +51,7 @@ class _Sample(NamedTuple):
 
 
 class _Rate(NamedTuple):
-    """Rate of the energy [m/s] in a window that ends at a time [s]; the lowest throttle in its last half."""
+    """Rate of the energy [m/s] in a window that ends at a time [s]; the lowest throttle in the window."""
 
     stamp_s: float
     energy_m_s: float
@@ -94,8 +94,7 @@ class ThrustMonitor:
             return
         centred = times - times.mean()
         slope = float((centred * energies).sum() / (centred**2).sum())
-        late = float(throttles[len(throttles) // 2 :].min())
-        self._rates.append(_Rate(sample.stamp_s, slope, late))
+        self._rates.append(_Rate(sample.stamp_s, slope, float(throttles.min())))
         while sample.stamp_s - self._rates[0].stamp_s > REFERENCE_S[1]:
             self._rates.popleft()
 

@@ -76,6 +76,12 @@ def test_a_smaller_loss_is_told_when_the_throttle_rises():
     assert 21.5 <= told_s(level(20.0, throttle=0.2) + sinking(20.0, 30.0, 1.6, 0.5)) <= 24.5
 
 
+def test_a_loss_that_begins_with_less_throttle_is_none():
+    """The throttle is closed for 1.4 s; as much height is lost for 1.6 s more while the thrust comes back."""
+    closed, opened = sinking(20.0, 21.4, 3.0, 0.1), sinking(21.4, 23.0, 3.0, 0.2, up=120.0 - 3.0 * 1.4)
+    assert told_s(level(20.0, throttle=0.2) + closed + opened + level(30.0, 0.2, 111.0, from_s=23.0)) is None
+
+
 def test_an_idle_throttle_gives_no_thrust_and_is_no_fault():
     assert told_s(level(20.0, throttle=0.05) + sinking(20.0, 30.0, 3.0, 0.05)) is None
 
