@@ -236,8 +236,8 @@ def _lead(mission: MissionConfig, record: FlightRecord, start_s: float) -> str:
         sentence += f" Lowest: {height:.0f} m over ground, at {when}."
     gaps = [gap for entry in record.decisions if isinstance(gap := entry.why.get("gap"), float)]
     if gaps:
-        most = 100.0 * statistics.median(gaps)
-        sentence += f" A plan costs at most {most:.0f} % more than the best there can be (median)."
+        most = math.ceil(100.0 * statistics.median(gaps))
+        sentence += f" A plan costs at most {most} % more than the best there can be (median)."
     return f"{mission.description}. {sentence}" if mission.description else sentence
 
 

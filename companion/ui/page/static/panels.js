@@ -220,7 +220,7 @@ export function healthChips(store, isConnected, isPlayed) {
   if (!standing.is_warm) chips.push(["unknown", "planner is prepared"]);
   else if (standing.is_in_trouble) chips.push(["danger", "planner in trouble"]);
   else if (last) {
-    const gap = Number.isFinite(last.gap) ? `, within ${Math.round(100 * last.gap)} % of the best there can be` : "";
+    const gap = Number.isFinite(last.gap) ? `, within ${Math.ceil(100 * last.gap)} % of the best there can be` : "";
     chips.push([last.plan_ms > 4000 ? "watch" : "safe", `planner: ${Math.round(last.plan_ms)} ms, ${span(store.now - last.stamp_s)} ago${gap}`]);
   }
   else chips.push(["unknown", "no plan yet"]);
