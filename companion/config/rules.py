@@ -78,6 +78,13 @@ class Rules:
         return float(self.mission.start.up_m)
 
     @property
+    def obstacle_checker(self) -> Checker:
+        """The check without the ground of a map, for what ends on the ground."""
+        if self.checker.ground is None:
+            return self.checker
+        return Checker(self.obstacles, self.checker.limits, self.exposure)
+
+    @property
     def time_horizon_s(self) -> float:
         """Longest time between two plans [s]."""
         return float(self.mission.planning.time_horizon_s)
@@ -100,11 +107,7 @@ class Rules:
         people = tuple(np.array(area.polygon_enu_m, dtype=np.float64) for area in glide.people)
         places = landing_places_of(self.mission, home_enu_m, rally_points_enu_m)
         flat_m, ground = 0.0 if home_enu_m is None else home_enu_m[2], ground_heights_of(self.mission)
-        # A glide ends on the ground: its heights over ground are judged apart from the other obstacles.
-        checker = (
-            self.checker if ground is None else Checker(self.obstacles, self.checker.limits, self.exposure)
-        )
-        return GlideOptions(model, places, people, self.obstacles, checker, flat_m, ground)
+        return GlideOptions(model, places, people, self.obstacles, self.obstacle_checker, flat_m, ground)
 
 
 def rules_of(

@@ -173,6 +173,17 @@ def test_what_is_wrong_with_a_list_is_said_on_the_ground(dialect):
     assert "to item 2: 0 m from wall" in harness.texts("fault")
 
 
+@BOTH
+@pytest.mark.parametrize(("north_m", "is_in_the_way"), [(1350, True), (1600, False)])
+def test_an_obstacle_before_the_touchdown_is_said_on_the_ground(dialect, north_m, is_in_the_way):
+    """The landing leads from (1750, 1350), 40 m up, to (950, 1350) on the ground."""
+    corners = f"[[1300, {north_m - 40}], [1340, {north_m - 40}], [1340, {north_m + 40}], [1300, {north_m + 40}]]"
+    hangar = f"obstacles:\n  - {{name: hangar, polygon_enu_m: {corners}, base_m: 0, top_m: 60}}\n"
+    harness = SitlHarness(mission_from_text(PLAIN + hangar, "day.yaml"), dialect=dialect, on_ground=True)
+    harness.fly(9.0, uploaded(5.0))
+    assert ("to item 5: 0 m from hangar" in harness.texts("fault")) is is_in_the_way
+
+
 @pytest.mark.parametrize(
     ("takeover", "extra", "is_due"),
     [

@@ -171,13 +171,16 @@ def _legs(state: FlightState, operator: Operator) -> list[str]:
         after.insert(0, (None, state.goals[-1].position_enu_m))
     found = []
     for (_, begin), (item, end) in (*itertools.pairwise(before), *itertools.pairwise(after)):
-        if item is None or item.command == Command.NAV_LAND:
+        if item is None:
             continue
-        wrong = state.rules.checker.check_legs(
-            np.array([begin, end]), ends_in_loiter=True,
-            loiter_radius_m=state.rules.vehicle.turn_radius_min_m,
-            follows_ground=item.frame in TERRAIN_FRAMES,
-        )  # fmt: skip
+        rules, leg = state.rules, np.array([begin, end])
+        if item.command == Command.NAV_LAND:
+            wrong = rules.obstacle_checker.check_track(leg, rules.checker.limits.margin_m)
+        else:
+            wrong = rules.checker.check_legs(
+                leg, ends_in_loiter=True, loiter_radius_m=rules.vehicle.turn_radius_min_m,
+                follows_ground=item.frame in TERRAIN_FRAMES,
+            )  # fmt: skip
         entry = next((entry for entry in wrong if entry.rule == "clearance"), None)
         if entry is not None:
             number = item.sequence + 1 - operator.first
