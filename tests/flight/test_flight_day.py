@@ -177,7 +177,8 @@ def test_what_is_wrong_with_a_list_is_said_on_the_ground(dialect):
 @pytest.mark.parametrize(("north_m", "is_in_the_way"), [(1350, True), (1600, False)])
 def test_an_obstacle_before_the_touchdown_is_said_on_the_ground(dialect, north_m, is_in_the_way):
     """The landing leads from (1750, 1350), 40 m up, to (950, 1350) on the ground."""
-    corners = f"[[1300, {north_m - 40}], [1340, {north_m - 40}], [1340, {north_m + 40}], [1300, {north_m + 40}]]"
+    south, north = north_m - 40, north_m + 40
+    corners = f"[[1300, {south}], [1340, {south}], [1340, {north}], [1300, {north}]]"
     hangar = f"obstacles:\n  - {{name: hangar, polygon_enu_m: {corners}, base_m: 0, top_m: 60}}\n"
     harness = SitlHarness(mission_from_text(PLAIN + hangar, "day.yaml"), dialect=dialect, on_ground=True)
     harness.fly(9.0, uploaded(5.0))
