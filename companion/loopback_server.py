@@ -48,22 +48,22 @@ class _Connection:
     line: socket.socket
     until_s: float
     asked: bytearray = field(default_factory=bytearray)
-    told: memoryview | None = None
+    unsent: memoryview | None = None
 
-    def hear(self, data: bytes) -> bool:
+    def receive(self, data: bytes) -> bool:
         """Take received bytes; returns whether the request is complete or too long."""
         self.asked += data
         return b"\r\n\r\n" in self.asked or len(self.asked) > HEAD_MAX
 
     def answer(self, answer: bytes) -> None:
         """Set the response."""
-        self.told = memoryview(answer)
+        self.unsent = memoryview(answer)
 
-    def tell(self) -> bool:
+    def send(self) -> bool:
         """Send as much as possible without waiting; returns whether all is sent."""
-        told = self.told or memoryview(b"")
-        self.told = told[self.line.send(told[:_PORTION]) :]
-        return not self.told
+        unsent = self.unsent or memoryview(b"")
+        self.unsent = unsent[self.line.send(unsent[:_PORTION]) :]
+        return not self.unsent
 
 
 class LoopbackServer:
@@ -129,25 +129,25 @@ class LoopbackServer:
     def _go_on(self, connection: _Connection) -> None:
         """Receive or send as much as possible without waiting."""
         try:
-            if connection.told:
-                self._tell(connection)
+            if connection.unsent:
+                self._send(connection)
             else:
-                self._hear(connection)
+                self._receive(connection)
         except BlockingIOError:
             return
         except OSError:
             self._drop(connection)
 
-    def _hear(self, connection: _Connection) -> None:
+    def _receive(self, connection: _Connection) -> None:
         data = connection.line.recv(HEAD_MAX)
         if not data:
             self._drop(connection)
-        elif connection.told is None and connection.hear(data):  # Data after the request is ignored.
+        elif connection.unsent is None and connection.receive(data):  # Data after the request is ignored.
             connection.answer(self._answer(bytes(connection.asked)))
             self._selector.modify(connection.line, selectors.EVENT_WRITE, connection)
 
-    def _tell(self, connection: _Connection) -> None:
-        if connection.tell():
+    def _send(self, connection: _Connection) -> None:
+        if connection.send():
             # Closing at once would discard the response if received data was still unread.
             connection.line.shutdown(socket.SHUT_WR)
             self._selector.modify(connection.line, selectors.EVENT_READ, connection)

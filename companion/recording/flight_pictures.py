@@ -46,38 +46,38 @@ class Pictures:
         self._walls: set[str] = set()
         self._drawn_s: dict[str, float] = {}
 
-    def of(self, topic: str, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+    def of(self, topic: str, document: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
         """Yield topic, UTC [s] and content of the messages that show a recorded message."""
-        utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
+        utc_s = self.epoch_s + (number(document.get("stamp_s")) or 0.0)
         match topic:
             case channels.MISSION:
-                yield from self._world(told)
-            case channels.SNAPSHOT if isinstance(told.get("obstacles"), list):
-                yield FENCES, utc_s, self._fences(told, utc_s)
+                yield from self._world(document)
+            case channels.SNAPSHOT if isinstance(document.get("obstacles"), list):
+                yield FENCES, utc_s, self._fences(document, utc_s)
             case channels.OWNSHIP:
-                yield from self._ownship(told, utc_s)
+                yield from self._ownship(document, utc_s)
             case channels.TRACKS if self._is_due("threats", utc_s, _THREATS_S):
-                yield THREATS, utc_s, self._threats(told, utc_s)
+                yield THREATS, utc_s, self._threats(document, utc_s)
             case channels.PLAN:
                 yield (
                     CANDIDATE,
                     utc_s,
-                    self._line("candidate", _places_of(told), scenes.CANDIDATE, utc_s, 2.0),
+                    self._line("candidate", _places_of(document), scenes.CANDIDATE, utc_s, 2.0),
                 )
             case channels.TREES:
-                yield SEARCH, utc_s, scenes.scene(*scenes.search_entities(told, utc_s))
-            case channels.SWAP if told.get("outcome") == "flown":
-                way = self._line("mission", told.get("waypoints_enu_m"), scenes.MISSION, utc_s, 5.0)
+                yield SEARCH, utc_s, scenes.scene(*scenes.search_entities(document, utc_s))
+            case channels.SWAP if document.get("outcome") == "flown":
+                way = self._line("mission", document.get("waypoints_enu_m"), scenes.MISSION, utc_s, 5.0)
                 yield MISSION, utc_s, way
             case channels.DECISION:
-                yield LOG, utc_s, _log_entry(told, utc_s)
+                yield LOG, utc_s, _log_entry(document, utc_s)
 
-    def _ownship(self, told: Document, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+    def _ownship(self, document: Document, utc_s: float) -> Iterator[tuple[str, float, Mapping[str, object]]]:
         """Draw the aircraft, the radars' field at its height and, at intervals, the flown path."""
-        transform = self._transform(told, utc_s)
+        transform = self._transform(document, utc_s)
         yield TRANSFORM, utc_s, transform
         yield from self._field(transform["translation"]["z"], utc_s)
-        self._flown.append(told.get("position_enu_m"))
+        self._flown.append(document.get("position_enu_m"))
         if self._is_due("flown", utc_s, _FLOWN_S):
             places = self._flown[:: 1 + len(self._flown) // _FLOWN_MAX]
             yield FLOWN, utc_s, self._line("flown", places, scenes.FLOWN, utc_s)
@@ -109,11 +109,11 @@ class Pictures:
         drawn = scenes.line(_rows(places, 3), colour, width=width)
         return scenes.scene(scenes.entity(name, utc_s, lines=[drawn]))
 
-    def _world(self, told: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
+    def _world(self, document: Document) -> Iterator[tuple[str, float, Mapping[str, object]]]:
         """Draw obstacles, radars and goals of the mission file, and the sensing horizon."""
-        self.epoch_s = number(told.get("epoch_s"), 1e11) or 0.0
-        utc_s = self.epoch_s + (number(told.get("stamp_s")) or 0.0)
-        mission = mission_from_text(text(told.get("mission_file"), MISSION_MAX), "the recording")
+        self.epoch_s = number(document.get("epoch_s"), 1e11) or 0.0
+        utc_s = self.epoch_s + (number(document.get("stamp_s")) or 0.0)
+        mission = mission_from_text(text(document.get("mission_file"), MISSION_MAX), "the recording")
         self.mission = mission
         self._snapshot = world_of(mission, none_known=False) if mission.radar_list else None
         self._field_m = math.inf
@@ -141,10 +141,10 @@ class Pictures:
         solid = [scenes.prism(wall, ceiling_m, colour)]
         return scenes.entity(f"obstacle {wall.name}", utc_s, triangles=solid)
 
-    def _fences(self, told: Document, utc_s: float) -> Mapping[str, object]:
+    def _fences(self, document: Document, utc_s: float) -> Mapping[str, object]:
         """Draw the obstacles of a plan that are not in the mission file, which are fences."""
         found = []
-        listed = told.get("obstacles")
+        listed = document.get("obstacles")
         for entry in listed if isinstance(listed, list) and self.mission is not None else ():
             if not isinstance(entry, dict) or (name := text(entry.get("name"))) in self._walls:
                 continue
@@ -155,16 +155,18 @@ class Pictures:
                 found.append(self._wall(wall, scenes.FENCE, utc_s))
         return self._renewed("fences", found, utc_s)
 
-    def _threats(self, told: Document, utc_s: float) -> Mapping[str, object]:
-        tracks = told.get("tracks")
+    def _threats(self, document: Document, utc_s: float) -> Mapping[str, object]:
+        tracks = document.get("tracks")
         rows = [row for row in tracks if isinstance(row, dict)] if isinstance(tracks, list) else []
         return self._renewed("tracks", [scenes.track_entity(row, utc_s) for row in rows], utc_s)
 
-    def _transform(self, told: Document, utc_s: float) -> dict[str, Any]:
+    def _transform(self, document: Document, utc_s: float) -> dict[str, Any]:
         """Return the pose of the aircraft's frame."""
-        place = told.get("position_enu_m")
+        place = document.get("position_enu_m")
         row = place if isinstance(place, list) and len(place) == 3 else [0.0, 0.0, 0.0]
-        pose = scenes.pose_of([number(value) or 0.0 for value in row], number(told.get("course_rad")) or 0.0)
+        pose = scenes.pose_of(
+            [number(value) or 0.0 for value in row], number(document.get("course_rad")) or 0.0
+        )
         return {
             "timestamp": scenes.time_of(utc_s), "parent_frame_id": scenes.MAP,
             "child_frame_id": scenes.AIRCRAFT, "translation": pose["position"],
@@ -195,15 +197,15 @@ def _rows(places: object, length: int) -> list[list[float]]:
     ]
 
 
-def _places_of(told: Document) -> list[object]:
+def _places_of(document: Document) -> list[object]:
     """Return the positions of a plan's path; its rows begin with the time."""
-    path = told.get("path")
+    path = document.get("path")
     return [row[1:4] for row in path if isinstance(row, list)] if isinstance(path, list) else []
 
 
-def _log_entry(told: Document, utc_s: float) -> Mapping[str, object]:
-    kind = text(told.get("kind"), 100)
+def _log_entry(document: Document, utc_s: float) -> Mapping[str, object]:
+    kind = text(document.get("kind"), 100)
     return {
         "timestamp": scenes.time_of(utc_s), "level": WARNING if kind in WARNING_KINDS else INFO,
-        "message": f"{kind}: {text(told.get('text'))}", "name": "companion", "file": "", "line": 0,
+        "message": f"{kind}: {text(document.get('text'))}", "name": "companion", "file": "", "line": 0,
     }  # fmt: skip

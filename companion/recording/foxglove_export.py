@@ -58,15 +58,15 @@ def export_flight(flight: Path, target: Path) -> Path:
             writer = Writer(file, compression=CompressionType.ZSTD)
             writer.start("", "companion")
             ids = registered(writer, _schemas())
-            for topic, told in messages_of(flight, Counter()):
+            for topic, document in messages_of(flight, Counter()):
                 if topic not in ids:
                     continue
                 num_messages += 1
-                shown = list(pictures.of(topic, told))
-                utc_s = utc_of(told)
+                shown = list(pictures.of(topic, document))
+                utc_s = utc_of(document)
                 if utc_s is None:
-                    utc_s = pictures.epoch_s + (number(told.get("stamp_s")) or 0.0)
-                for name, stamp_s, message in ((topic, utc_s, told), *shown):
+                    utc_s = pictures.epoch_s + (number(document.get("stamp_s")) or 0.0)
+                for name, stamp_s, message in ((topic, utc_s, document), *shown):
                     stamp = min(max(0, round(1e9 * stamp_s)), _STAMP_MAX)
                     known = _known(cast("dict[str, object]", plain(message)))
                     data = json.dumps(known, allow_nan=False, separators=(",", ":")).encode("ascii")
@@ -97,8 +97,8 @@ def readable(schema: channels.Schema) -> channels.Schema:
 
 def _one_type(kind: channels.Schema) -> channels.Schema | None:
     """Return a key's schema without null; None for arrays of arrays."""
-    told = kind["type"]
-    one = {**kind, "type": told[0] if isinstance(told, list) else told}
+    of_json = kind["type"]
+    one = {**kind, "type": of_json[0] if isinstance(of_json, list) else of_json}
     if "items" in one:
         one["items"] = items = _one_type(cast("channels.Schema", one["items"]))
         return None if items is None or items["type"] == "array" else one

@@ -128,10 +128,10 @@ def load_recording(log: Path) -> Recording:
     if len(entries) == FRAMES_MAX:
         counters["tlog_too_large"] += 1
     beside = log.with_suffix(".mcap")
-    told = _ServiceRecord()
+    record = _ServiceRecord()
     if beside != log and beside.exists():
-        told.read(beside, counters)
-    about = told.about
+        record.read(beside, counters)
+    about = record.about
     frames = [raw_frame(entry.raw) for entry in entries]
     vehicle = _vehicle_of(frames)
     epoch_s = _epoch_s(about, entries)
@@ -151,12 +151,12 @@ def load_recording(log: Path) -> Recording:
         vehicle=vehicle,
         epoch_s=epoch_s,
         about=about,
-        decisions=tuple(told.decisions) if about else sent_decisions(heard),
-        taken=told.taken,
+        decisions=tuple(record.decisions) if about else sent_decisions(heard),
+        taken=record.taken,
         counters=counters,
-        until_s=min(heard[-1].at_us * 1e-6, told.newest_s) if is_cut_off else math.inf,
+        until_s=min(heard[-1].at_us * 1e-6, record.newest_s) if is_cut_off else math.inf,
         start_us=start_us,
-        reloads=tuple(told.reloads),
+        reloads=tuple(record.reloads),
     )
 
 
@@ -193,17 +193,17 @@ class _ServiceRecord:
 def about_of(document: Document) -> Document:
     """Return the plausible part of a recording's description."""
     seed, versions = document.get("seed"), document.get("versions")
-    told: Document = {key: text(document.get(key)) for key in ("name", "clock")}
-    told["mission_file"] = text(document.get("mission_file"), SIZE_MAX)
-    told["stamp_s"] = stamp_of(document)
-    told["epoch_s"] = number(document.get("epoch_s"), EPOCH_MAX_S)
-    told["step_s"] = number(document.get("step_s"), 10.0)
+    header: Document = {key: text(document.get(key)) for key in ("name", "clock")}
+    header["mission_file"] = text(document.get("mission_file"), SIZE_MAX)
+    header["stamp_s"] = stamp_of(document)
+    header["epoch_s"] = number(document.get("epoch_s"), EPOCH_MAX_S)
+    header["step_s"] = number(document.get("step_s"), 10.0)
     if isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed < SEED_MAX:
-        told["seed"] = seed
+        header["seed"] = seed
     if isinstance(versions, dict):
-        told["versions"] = {name: text(version) for name, version in [*versions.items()][:100]}
-    told["remembered"] = _remembered_of(document.get("remembered"))
-    return told
+        header["versions"] = {name: text(version) for name, version in [*versions.items()][:100]}
+    header["remembered"] = _remembered_of(document.get("remembered"))
+    return header
 
 
 def _remembered_of(remembered: object) -> Document:

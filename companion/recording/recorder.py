@@ -280,23 +280,23 @@ class Recorder:
         """Add a mission transfer to the autopilot and its result."""
         self._note(channels.SWAP, now_s, channels.table_of(made))
 
-    def link(self, now_s: float, told: Mapping[str, object]) -> None:
+    def link(self, now_s: float, document: Mapping[str, object]) -> None:
         """Add the state of the link."""
-        self._note(channels.LINK, now_s, told)
+        self._note(channels.LINK, now_s, document)
 
-    def energy(self, now_s: float, told: Mapping[str, object]) -> None:
+    def energy(self, now_s: float, document: Mapping[str, object]) -> None:
         """Add what is left of the battery or tank, and what the way home costs."""
-        left_wh, margin_wh = told["left_wh"], told["margin_wh"]
+        left_wh, margin_wh = document["left_wh"], document["margin_wh"]
         if isinstance(left_wh, float):
             margin = margin_wh if isinstance(margin_wh, float) else math.nan
             self.energy_left.append([now_s, left_wh, left_wh - margin])
         if len(self.energy_left) > STATE_ROWS_MAX:
             self.energy_left = self.energy_left[1::2]
-        self._note(channels.ENERGY, now_s, told)
+        self._note(channels.ENERGY, now_s, document)
 
-    def standing(self, now_s: float, told: Mapping[str, object]) -> None:
+    def standing(self, now_s: float, document: Mapping[str, object]) -> None:
         """Add the state of the service and the pilot's options."""
-        self._note(channels.STANDING, now_s, told)
+        self._note(channels.STANDING, now_s, document)
 
     def record(self, summary: dict[str, float | int | bool | str]) -> FlightRecord:
         """Return the flight so far, for the report."""

@@ -78,16 +78,16 @@ class _Safety:
         self.until_s: float | None = None
         self._of_plans: dict[object, float | None] = {}
 
-    def hear(self, topic: str, told: Document) -> None:
+    def observe(self, topic: str, document: Document) -> None:
         """Take a message."""
         if topic == channels.PLAN:
-            of_plan, of_flown = told.get("pursuit"), told.get("flown_pursuit")
+            of_plan, of_flown = document.get("pursuit"), document.get("flown_pursuit")
             if isinstance(of_plan, dict):
-                self._of_plans[number(told.get("number"))] = number(of_plan.get("first_s"))
+                self._of_plans[number(document.get("number"))] = number(of_plan.get("first_s"))
             if isinstance(of_flown, dict) and "first_s" in of_flown:
                 self.until_s = number(of_flown["first_s"])
-        elif topic == channels.SWAP and told.get("outcome") == "flown":
-            plan = number(told.get("plan_number"))
+        elif topic == channels.SWAP and document.get("outcome") == "flown":
+            plan = number(document.get("plan_number"))
             if plan in self._of_plans:
                 self.until_s = self._of_plans[plan]
 
@@ -124,22 +124,22 @@ class _Drawing:
         for path, (name, colour) in _SERIES.items():
             self._stream.log(path, rr.SeriesLines(colors=_rgba(colour), names=name, widths=1.5), static=True)
 
-    def draw(self, topic: str, told: Document) -> None:
+    def draw(self, topic: str, document: Document) -> None:
         """Draw a recorded message."""
-        now_s = self._stamp_s(told)
+        now_s = self._stamp_s(document)
         self._stream.set_time(TIMELINE, duration=now_s)
-        for picture, _, message in self._pictures.of(topic, told):
+        for picture, _, message in self._pictures.of(topic, document):
             self._show(picture, message)
-        self._safety.hear(topic, told)
+        self._safety.observe(topic, document)
         if topic == channels.OWNSHIP:
-            place = told.get("position_enu_m")
+            place = document.get("position_enu_m")
             self._plot(ALTITUDE, place[2] if isinstance(place, list) and len(place) == 3 else None)
             self._plot(SAFE, self._safety.left_s(now_s))
         for source, key, path in SCALARS:
             if source == topic:
-                self._plot(path, told.get(key))
+                self._plot(path, document.get(key))
         if topic == channels.LOCATION:
-            self._locate(told)
+            self._locate(document)
 
     def end(self) -> None:
         """Write the blueprint: the view of the flight, and the plots that have data."""
@@ -185,10 +185,10 @@ class _Drawing:
             eye_up=[0.0, 0.0, 1.0],
         )
 
-    def _stamp_s(self, told: Document) -> float:
+    def _stamp_s(self, document: Document) -> float:
         """Return the time of a message on the flight's clock [s]."""
-        utc_s = utc_of(told)
-        return (number(told.get("stamp_s")) or 0.0) if utc_s is None else utc_s - self._pictures.epoch_s
+        utc_s = utc_of(document)
+        return (number(document.get("stamp_s")) or 0.0) if utc_s is None else utc_s - self._pictures.epoch_s
 
     def _show(self, picture: str, message: Mapping[str, Any]) -> None:
         rr, stream = self._rr, self._stream
@@ -265,9 +265,9 @@ class _Drawing:
         if found is not None or path in self._plotted:
             self._plotted[path] = found is not None
 
-    def _locate(self, told: Document) -> None:
+    def _locate(self, document: Document) -> None:
         """Mark the aircraft on the map."""
-        latitude, longitude = number(told.get("latitude"), 90.0), number(told.get("longitude"), 360.0)
+        latitude, longitude = number(document.get("latitude"), 90.0), number(document.get("longitude"), 360.0)
         if latitude is not None and longitude is not None:
             self._is_located = True
             place = self._rr.GeoPoints(
@@ -373,9 +373,9 @@ def export_rerun(flight: Path, target: Path) -> int:
         with open_to_write(target) as file:
             stream.send_recording_name(printable(flight.resolve().parent.name))
             drawing.begin()
-            for topic, told in messages_of(flight, Counter()):
+            for topic, document in messages_of(flight, Counter()):
                 if topic in known:
-                    drawing.draw(topic, told)
+                    drawing.draw(topic, document)
                     num_messages += 1
             drawing.end()
             file.write(made.read() or b"")

@@ -42,22 +42,22 @@ def check_upload(items: Sequence[MissionItem]) -> None:
         raise TransferError("upload", "not exactly one item is current")
 
 
-def item_of(told: Any) -> MissionItem:  # noqa: ANN401
+def item_of(message: Any) -> MissionItem:  # noqa: ANN401
     """Convert an item of MAVSDK, which has the fields of MISSION_ITEM_INT; NaN parameters become None."""
     one, two, three, four = (
         None if math.isnan(value) else float(value)
-        for value in (told.param1, told.param2, told.param3, told.param4)
+        for value in (message.param1, message.param2, message.param3, message.param4)
     )
     return MissionItem(
-        sequence=told.seq,
-        command=told.command,
-        frame=told.frame,
+        sequence=message.seq,
+        command=message.command,
+        frame=message.frame,
         parameters=(one, two, three, four),
-        latitude_e7=told.x,
-        longitude_e7=told.y,
-        altitude_m=float(told.z),
-        is_current=bool(told.current),
-        autocontinue=bool(told.autocontinue),
+        latitude_e7=message.x,
+        longitude_e7=message.y,
+        altitude_m=float(message.z),
+        is_current=bool(message.current),
+        autocontinue=bool(message.autocontinue),
     )
 
 

@@ -62,12 +62,12 @@ class PlanRunner:
         end_s = math.inf if budget_s is None else time.perf_counter() + budget_s
         plan = solve(problem, never if budget_s is None else lambda: time.perf_counter() >= end_s)
         plan = judged_plan(mission, problem, plan)
-        told = cast("dict[str, Scalar | None]", result_of(plan))
-        path = cast("object", told.pop("path"))
+        values = cast("dict[str, Scalar | None]", result_of(plan))
+        path = cast("object", values.pop("path"))
         for name in _NAMED:
-            del told[name]
-        timings = {name: told.pop(name) for name in TIMED}
-        return Outcome(told | self._of_path(mission, world, plan), timings, {"path": path})
+            del values[name]
+        timings = {name: values.pop(name) for name in TIMED}
+        return Outcome(values | self._of_path(mission, world, plan), timings, {"path": path})
 
     def _world_of(self, mission: str, setting: str) -> tuple[MissionConfig, Snapshot]:
         config = self._campaign.mission(mission, setting)
@@ -85,11 +85,11 @@ class PlanRunner:
         path = plan.path
         if path is None:
             return {}
-        told: dict[str, Scalar | None] = {
+        values: dict[str, Scalar | None] = {
             "length_m": round(path.length_m, 3), "duration_s": round(path.duration_s, 3),
         }  # fmt: skip
         if self._drives is None or not plan.reaches_goal or not mission.dynamic_threats:
-            return told
+            return values
         every = [
             pursuit_measures(plan, path, world, which, track)
             for which, track in enumerate(self._drives(mission, path))
@@ -99,7 +99,7 @@ class PlanRunner:
         )
         share = expected / actual if actual > 0.0 else None
         kept = math.prod(1.0 - one.aggregated_threat for one in every)
-        return told | {
+        return values | {
             "ADTP": round(1.0 - kept, _DIGITS),
             "TDTA": round(actual, _DIGITS),
             "ETDTA": round(expected, _DIGITS),

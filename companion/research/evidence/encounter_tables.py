@@ -85,13 +85,14 @@ def _alerts_table(case: Case) -> ResultTable:
     for method, sample in case.samples.items():
         would = happened(sample, f"without.{LOSS}")
         before = values_of(sample, "alert_before_s")[would]
-        told = before[np.isfinite(before)]
+        alert_s = before[np.isfinite(before)]
         needless = int((values_of(sample, "alerts")[~would] > 0).sum())
-        median = float(np.median(told)) if len(told) else math.inf
+        median = float(np.median(alert_s)) if len(alert_s) else math.inf
         rows.append((
             Cell(method, method), Cell(str(len(before)), float(len(before))),
-            Cell(str(len(told)), float(len(told))), Cell(f"{median:.0f}" if len(told) else NONE, median),
-            Cell(str(int((told < LATE_S).sum())), float((told < LATE_S).sum())),
+            Cell(str(len(alert_s)), float(len(alert_s))),
+            Cell(f"{median:.0f}" if len(alert_s) else NONE, median),
+            Cell(str(int((alert_s < LATE_S).sum())), float((alert_s < LATE_S).sum())),
             Cell(f"{needless} of {int((~would).sum())}", float(needless)),
         ))  # fmt: skip
     heads = (

@@ -67,13 +67,13 @@ def write_results(folder: Path, evidence: Evidence) -> tuple[Path, ...]:
         The written files.
     """
     every = list(judged(evidence))
-    told = {
+    by_case = {
         case.title: [*encounter_tables(evidence.kind, case), *tables_of(evidence, case)]
         for case in evidence.cases
     }
     texts = {
-        "results.md": _markdown(evidence, told, every),
-        "results.html": _page(evidence, told, every),
+        "results.md": _markdown(evidence, by_case, every),
+        "results.html": _page(evidence, by_case, every),
         "measures.csv": csv_text(MEASURES_HEAD, measure_rows(evidence)),
         "differences.csv": csv_text(DIFFERENCES_HEAD, difference_rows(evidence)),
     }
@@ -90,9 +90,9 @@ def _leads(evidence: Evidence) -> list[str]:
     if evidence.num_rows < evidence.num_wanted:
         runs += " The campaign is not finished: companion campaign --resume goes on."
     commits = ", ".join(evidence.commits)
-    told = f"{HOW} {OF_WHICH[evidence.kind]}"
+    method = f"{HOW} {OF_WHICH[evidence.kind]}"
     several = " More than one commit made these rows." if len(evidence.commits) > 1 else ""
-    return [runs, f"Commit {commits}.{several} {'; '.join(evidence.machines)}.", told]
+    return [runs, f"Commit {commits}.{several} {'; '.join(evidence.machines)}.", method]
 
 
 def _verdict_tables(every: list[Judged]) -> list[ResultTable]:
@@ -106,9 +106,9 @@ def _verdict_tables(every: list[Judged]) -> list[ResultTable]:
     ]
 
 
-def _markdown(evidence: Evidence, told: dict[str, list[ResultTable]], every: list[Judged]) -> str:
+def _markdown(evidence: Evidence, by_case: dict[str, list[ResultTable]], every: list[Judged]) -> str:
     parts = [f"# {evidence.name}", *_leads(evidence)]
-    for title, tables in told.items():
+    for title, tables in by_case.items():
         parts += [f"## {title}", *(markdown(table).rstrip() for table in tables)]
     if every:
         parts += ["## The paper's orderings", ORDERINGS]
@@ -116,8 +116,8 @@ def _markdown(evidence: Evidence, told: dict[str, list[ResultTable]], every: lis
     return "\n\n".join(parts) + "\n"
 
 
-def _page(evidence: Evidence, told: dict[str, list[ResultTable]], every: list[Judged]) -> str:
-    parts = [_case_part(evidence.kind, case, n, told[case.title]) for n, case in enumerate(evidence.cases)]
+def _page(evidence: Evidence, by_case: dict[str, list[ResultTable]], every: list[Judged]) -> str:
+    parts = [_case_part(evidence.kind, case, n, by_case[case.title]) for n, case in enumerate(evidence.cases)]
     if every:
         parts.append(Part("The paper's orderings", ORDERINGS, _verdict_tables(every)))
     return results_page(f"Campaign: {evidence.name}", _leads(evidence), parts)
@@ -138,9 +138,9 @@ def _case_part(kind: str, case: Case, number: int, tables: list[ResultTable]) ->
 
 
 def _verdict_row(entry: Judged) -> list[object]:
-    told, of = entry.ordering, entry.difference
+    case, order = entry.case, entry.ordering
     return [
-        entry.case.mission, entry.case.setting, told.table, told.measure, told.less, told.more,
-        told.printed_less, told.printed_more, entry.num_pairs, *(of or ("", "", "")), entry.verdict.value,
+        case.mission, case.setting, order.table, order.measure, order.less, order.more, order.printed_less,
+        order.printed_more, entry.num_pairs, *(entry.difference or ("", "", "")), entry.verdict.value,
         entry.remark,
     ]  # fmt: skip

@@ -111,14 +111,14 @@ def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
         raise RecordError(f"{source}: neither a tlog nor a folder with {TLOG} in it")
     recording = load_recording(log)
     mission = _mission_of(recording, log, mission_file)
-    told = _Heard(mission.frame)
-    told.listen(recording)
+    reports = _Heard(mission.frame)
+    reports.listen(recording)
     plans = _plans_flown(log.with_suffix(".mcap"))
-    found = [_deviations(told, path, begin_s, end_s) for path, begin_s, end_s in plans]
+    found = [_deviations(reports, path, begin_s, end_s) for path, begin_s, end_s in plans]
     kept = tuple(entry for entry, _ in found if len(entry.times_s) > 1)
     return Flown(
-        str(source), mission, kept, told.errors(), sum(left_out for _, left_out in found),
-        tuple(told.energy.windows),
+        str(source), mission, kept, reports.errors(), sum(left_out for _, left_out in found),
+        tuple(reports.energy.windows),
     )  # fmt: skip
 
 
@@ -187,8 +187,8 @@ class _Heard:
 
     def _note_accuracy(self, horizontal: float, vertical: float, speed: float) -> None:
         """Note a reported accuracy; autopilots report zero where they know none."""
-        told = (horizontal, vertical, speed)
-        self.accuracies.append(tuple(value if value > 0.0 else math.nan for value in told))  # type: ignore[arg-type]
+        accuracy = (horizontal, vertical, speed)
+        self.accuracies.append(tuple(value if value > 0.0 else math.nan for value in accuracy))  # type: ignore[arg-type]
 
     def errors(self) -> Told:
         """The errors that follow from fixes, positions and velocities together."""
@@ -306,42 +306,42 @@ def _deviations(heard: _Heard, path: FlownPath, begin_s: float, end_s: float) ->
     times: list[float] = []
     values: list[list[float]] = []
     row, left_out = 0, 0
-    for told in heard.positions:
-        if not begin_s <= told[0] < end_s:
+    for position in heard.positions:
+        if not begin_s <= position[0] < end_s:
             continue
-        place = (told[2], told[3], told[4])
+        place = (position[2], position[3], position[4])
         found = progress_on(path, place, row, LOOK_AHEAD_ROWS if times else None)
         is_beside = 0.0 < found.share < 1.0
         if not is_beside and found.row in (0, len(path) - 2):
             continue  # before the path's beginning, or beyond its end
-        deviation = _deviation(path, found, told)
+        deviation = _deviation(path, found, position)
         if abs(deviation[0]) > OFF_PATH_M:
             left_out += 1
             continue
         row = found.row
-        times.append(told[0])
+        times.append(position[0])
         values.append(deviation)
     return Deviations(np.array(times), np.array(values).reshape(-1, 6)), left_out
 
 
-def _deviation(path: FlownPath, at: Progress, told: list[float]) -> list[float]:
+def _deviation(path: FlownPath, at: Progress, position: list[float]) -> list[float]:
     """A row of :attr:`Deviations.values`."""
     row, share = at.row, at.share
     start, end = path.positions_enu_m[row], path.positions_enu_m[row + 1]
     along = end - start
     flat = math.hypot(along[0], along[1])
-    offset = np.array(told[2:5]) - (start + share * along)
+    offset = np.array(position[2:5]) - (start + share * along)
     left = (along[0] * offset[1] - along[1] * offset[0]) / max(flat, 1e-6)
     speed = (1.0 - share) * path.speeds_m_s[row] + share * path.speeds_m_s[row + 1]
     turn = wrapped_angle(path.courses_rad[row + 1] - path.courses_rad[row])
     course = path.courses_rad[row] + share * turn
     climb = (1.0 - share) * path.climb_angles_rad[row] + share * path.climb_angles_rad[row + 1]
-    east, north, up = told[5:8]
+    east, north, up = position[5:8]
     return [
         left,
-        speed * (time_at(path, at) - told[0]),
+        speed * (time_at(path, at) - position[0]),
         float(offset[2]),
         -wrapped_angle(math.atan2(east, north) - course),
         math.atan2(up, max(math.hypot(east, north), 1e-6)) - climb,
-        told[8] - speed,
+        position[8] - speed,
     ]

@@ -280,11 +280,11 @@ def _sought(function: Callable[[float], float], goal: float, largest: float) -> 
     return 0.5 * (low + high)
 
 
-def _sensor_keys(told: Sequence[Told], vehicle: VehicleModel) -> list[NoiseKey]:
+def _sensor_keys(reported: Sequence[Told], vehicle: VehicleModel) -> list[NoiseKey]:
     """The accuracy of position and velocity: the larger of the reported and the observed error."""
-    accuracies = np.concatenate([entry.accuracies for entry in told])
-    innovations = np.concatenate([entry.innovations for entry in told])
-    jerks = np.concatenate([entry.jerks for entry in told])
+    accuracies = np.concatenate([entry.accuracies for entry in reported])
+    innovations = np.concatenate([entry.innovations for entry in reported])
+    jerks = np.concatenate([entry.jerks for entry in reported])
     speed = vehicle.airspeed_cruise_m_s
     # A fix's innovation has two fixes' noise; a second difference of noise σ has the variance 6·σ².
     level, upright = innovations[:, :2].ravel() / math.sqrt(2.0), innovations[:, 2] / math.sqrt(2.0)
@@ -299,38 +299,39 @@ def _sensor_keys(told: Sequence[Told], vehicle: VehicleModel) -> list[NoiseKey]:
     ]
 
 
-def _sensor_key(name: str, told: FloatArray, seen: FloatArray, scale: float) -> NoiseKey:
+def _sensor_key(name: str, reported: FloatArray, seen: FloatArray, scale: float) -> NoiseKey:
     """The larger of the reported accuracy (its median) and the observed noise.
 
     Parameters
     ----------
     name : str
         The key.
-    told : ndarray, shape (M,)
+    reported : ndarray, shape (M,)
         Reported accuracies, NaN where there is none.
     seen : ndarray, shape (K,)
         Observed errors.
     scale : float
         Factor from their unit to the key's.
     """
-    told = told[np.isfinite(told)]
-    median = float(np.median(told)) if len(told) >= TOLD_MIN else math.nan
+    reported = reported[np.isfinite(reported)]
+    median = float(np.median(reported)) if len(reported) >= TOLD_MIN else math.nan
     spread = _without_outliers(seen)
     noise = math.sqrt(float((spread**2).mean())) if len(spread) >= TOLD_MIN else math.nan
     values = [value for value in (median, noise) if math.isfinite(value) and value > 0.0]
     if not values:
-        note = f"too little: {len(told)} accuracies told, {len(spread)} differences; {TOLD_MIN} are needed"
+        count = f"{len(reported)} accuracies reported, {len(spread)} differences"
+        note = f"too little: {count}; {TOLD_MIN} are needed"
         return NoiseKey(name, None, math.nan, math.nan, note)
     words = []
     if math.isfinite(median):
-        words.append(f"told {scale * median:.2g}, {len(told)} times")
+        words.append(f"reported {scale * median:.2g}, {len(reported)} times")
     if math.isfinite(noise):
         words.append(f"seen {scale * noise:.2g} in {len(spread)} differences")
     note = "; ".join(words)
     if noise == max(values):
         low, high = interval_of(noise, len(spread) / 2.0)  # Neighbouring differences share a sample.
     else:
-        low, high = float(np.percentile(told, 2.5)), float(np.percentile(told, 97.5))
+        low, high = float(np.percentile(reported, 2.5)), float(np.percentile(reported, 97.5))
     return NoiseKey(name, scale * max(values), scale * low, scale * high, note)
 
 

@@ -60,11 +60,11 @@ def flight_of(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
 def _read(folder: Path) -> tuple[MissionConfig, Snapshot, FlightRecord]:
     counters: Counter[str] = Counter()
     if (folder / MCAP).exists():
-        told = _ReportData(counters)
+        data = _ReportData(counters)
         for topic, row in mcap_reader.messages_of(folder / MCAP, counters):
-            told.take(topic, row)
-        if told.about:
-            return _from_messages(folder, told)
+            data.take(topic, row)
+        if data.about:
+            return _from_messages(folder, data)
     if not (folder / TLOG).exists():
         raise RecordError(f"{folder}: neither {MCAP} nor {TLOG} with a flight in it")
     mission = load_mission(folder / MISSION_FILE)
@@ -170,28 +170,28 @@ class _ReportData:
         self.fences = row.get("obstacles", self.fences)
 
 
-def _from_messages(folder: Path, told: _ReportData) -> tuple[MissionConfig, Snapshot, FlightRecord]:
-    about = told.about
+def _from_messages(folder: Path, data: _ReportData) -> tuple[MissionConfig, Snapshot, FlightRecord]:
+    about = data.about
     mission = mission_from_text(str(about["mission_file"]), str(folder / MCAP))
-    flown = _table(told.flown, 7, ROWS_MAX)
+    flown = _table(data.flown, 7, ROWS_MAX)
     record = FlightRecord(
         flown=flown,
         dt_paths=(),
-        dt_tracks=tuple(np.array(rows)[:, :3] for rows in told.tracks.values()),
-        missions=tuple(told.missions),
-        decisions=tuple(told.decisions),
-        threat=_table(told.threat, 2, ROWS_MAX),
-        plan_ms=tuple(told.plan_ms),
-        summary=_summary(told, flown) | _over_ground(mission, flown),
+        dt_tracks=tuple(np.array(rows)[:, :3] for rows in data.tracks.values()),
+        missions=tuple(data.missions),
+        decisions=tuple(data.decisions),
+        threat=_table(data.threat, 2, ROWS_MAX),
+        plan_ms=tuple(data.plan_ms),
+        summary=_summary(data, flown) | _over_ground(mission, flown),
         epoch_s=mcap_reader.number(about["epoch_s"]),
         note=ON_BOARD,
         begin_s=mcap_reader.number(about["stamp_s"]),
         encounters=known_encounters(
-            flown, told.tracks.items(), mission.radar_list, mission.obstacle_list, ground_heights_of(mission)
+            flown, data.tracks.items(), mission.radar_list, mission.obstacle_list, ground_heights_of(mission)
         ),
-        energy=_table(told.energy, 3, ROWS_MAX),
+        energy=_table(data.energy, 3, ROWS_MAX),
     )
-    return mission, _with_fences(world_of(mission, none_known=False), told.fences), record
+    return mission, _with_fences(world_of(mission, none_known=False), data.fences), record
 
 
 def report_name(record: FlightRecord) -> str:
@@ -225,10 +225,10 @@ def _is_whole(obstacle: Obstacle) -> bool:
     return len(corners) >= 3 and bool(np.isfinite(corners).all() and np.isfinite(sides).all())
 
 
-def _summary(told: _ReportData, flown: FloatArray) -> dict[str, float | int | bool | str]:
+def _summary(data: _ReportData, flown: FloatArray) -> dict[str, float | int | bool | str]:
     """Return the values of the flight; ``flown`` (N, 7) has the columns of :attr:`FlightRecord.flown`."""
-    about = told.about
-    times = np.array(told.plan_ms or [np.nan])
+    about = data.about
+    times = np.array(data.plan_ms or [np.nan])
     versions = about.get("versions")
     program = versions.get("companion", "") if isinstance(versions, dict) else ""
     summary: dict[str, float | int | bool | str] = {
@@ -236,14 +236,14 @@ def _summary(told: _ReportData, flown: FloatArray) -> dict[str, float | int | bo
         "seed": int(mcap_reader.number(about.get("seed"), SEED_MAX) or 0),
         "clock": str(about["clock"]),
         "program": str(program),
-        "missions_entered": len(told.missions),
-        "missions_not_entered": told.num_not_entered,
-        "plans": len(told.plan_ms),
+        "missions_entered": len(data.missions),
+        "missions_not_entered": data.num_not_entered,
+        "plans": len(data.plan_ms),
         "plan_ms": float(np.median(times)),
         "plan_p95_ms": float(np.percentile(times, 95)),
         "flight_s": float(flown[-1, 0] - flown[0, 0]) if len(flown) else 0.0,
     }
-    return summary | {reason: count for reason, count in told.counters.items() if count}
+    return summary | {reason: count for reason, count in data.counters.items() if count}
 
 
 def _over_ground(mission: MissionConfig, flown: FloatArray) -> dict[str, float | int | bool | str]:

@@ -39,12 +39,12 @@ def kept_text(store: RunStore) -> str:
     ConfigError
         If there is no row yet.
     """
-    rows, told, dimensions = stored(store)
-    names = kept_names(str(told["kind"]))
+    rows, header, dimensions = stored(store)
+    names = kept_names(str(header["kind"]))
     commits, machines = (
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("commit", "machine")
     )
-    head = {"identity": told, "dimensions": dimensions, "commits": commits, "machines": machines}
+    head = {"identity": header, "dimensions": dimensions, "commits": commits, "machines": machines}
     buffer = io.StringIO()
     buffer.write(f"{_MARK}{json_text(head)}\n")
     writer = csv.writer(buffer, lineterminator="\n")
@@ -67,15 +67,15 @@ def kept_evidence(file: Path) -> Evidence:
     try:
         text = file.read_text(encoding="utf-8")
         head, _, body = text[:_LENGTH_MAX].partition("\n")
-        told = json.loads(head.removeprefix(_MARK))
-        rows = list(_rows(csv.DictReader(io.StringIO(body)), told))
-        return evidence_from(rows, told["identity"], told["dimensions"])
+        header = json.loads(head.removeprefix(_MARK))
+        rows = list(_rows(csv.DictReader(io.StringIO(body)), header))
+        return evidence_from(rows, header["identity"], header["dimensions"])
     except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
         found = f"{type(error).__name__}: {error}"
         raise ConfigError(str(file), None, "rows", found, "what companion results --keep writes") from None
 
 
-def _rows(lines: Iterable[Mapping[str, str]], told: Mapping[str, list[str]]) -> Iterator[Row]:
+def _rows(lines: Iterable[Mapping[str, str]], header: Mapping[str, list[str]]) -> Iterator[Row]:
     for line in lines:
         told_of = ((name, value) for name, value in line.items() if name not in _NAMED and value)
         measures: dict[str, Scalar | None] = {name: _read(value) for name, value in told_of}
@@ -87,8 +87,8 @@ def _rows(lines: Iterable[Mapping[str, str]], told: Mapping[str, list[str]]) -> 
             seed=int(line["seed"]),
             error=line["error"] or None,
             measures=measures,
-            commit=told["commits"][int(line["commit"])],
-            machine=told["machines"][int(line["machine"])],
+            commit=header["commits"][int(line["commit"])],
+            machine=header["machines"][int(line["machine"])],
         )
 
 
