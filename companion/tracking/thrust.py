@@ -12,6 +12,7 @@ rate, the specific excess power.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import NamedTuple
 
@@ -29,7 +30,10 @@ REFERENCE_S = (4.0, 14.0)  # The rate is compared with the rates of this age.
 # A rate that is lower than those by more than this has dropped. Without thrust a small aircraft loses 1.5 to
 # 3 m/s; a steep turn costs about 1 m/s.
 DROP_M_S = 2.0
-DROP_DEVIATIONS = 4.0  # In gusts it must be lower by this many of their standard deviations.
+# In gusts it must be lower by this many of their standard deviations. They are seen in the differences between
+# windows that follow each other: a climb, a turn or a descent changes one of these, a gust changes all.
+DROP_DEVIATIONS = 4.0
+GUSTS_S = 60.0  # Gusts are observed for this time.
 # More throttle adds energy: from idle to full at least this rate. A small aircraft climbs at 3 m/s or more at
 # full throttle, and flies level at half of it.
 FULL_THROTTLE_M_S = 4.0
@@ -40,6 +44,7 @@ SAME_THROTTLE = 0.03  # A throttle that is lower by less counts as the same.
 STILL_S = 1.0  # An engine that reported a speed stands still after this time without any.
 STILL_RPM = 100.0  # Slower engines stand still.
 IDLE_SHARE = 0.3  # Below this throttle an electric motor may stand still.
+ASKED_S = 2.0  # An engine that was asked for thrust for this time runs, and has reported it.
 
 
 class _Sample(NamedTuple):
@@ -51,11 +56,15 @@ class _Sample(NamedTuple):
 
 
 class _Rate(NamedTuple):
-    """Rate of the energy [m/s] in a window that ends at a time [s]; the lowest throttle in the window."""
+    """Rate of the energy [m/s] in a window that ends at a time [s].
+
+    With it the lowest throttle in the window, and the difference to the rate in the window before [m/s].
+    """
 
     stamp_s: float
     energy_m_s: float
     throttle: float
+    change_m_s: float
 
 
 class ThrustMonitor:
@@ -67,12 +76,14 @@ class ThrustMonitor:
         self._rates: deque[_Rate] = deque()
         self._ran = False
         self._still_since_s: float | None = None
+        self._asked_since_s = math.inf
         self._lost_since_s: float | None = None
 
     def forget(self) -> None:
         """Begin again, with the next flight."""
         self._samples.clear()
         self._rates.clear()
+        self._asked_since_s = math.inf
         self._ran, self._still_since_s, self._lost_since_s = False, None, None
 
     def observe(self, event: Event) -> None:
@@ -86,6 +97,8 @@ class ThrustMonitor:
             self._note_engine(event)
 
     def _note_energy(self, sample: _Sample) -> None:
+        asks = sample.throttle >= IDLE_SHARE
+        self._asked_since_s = min(self._asked_since_s, sample.stamp_s) if asks else math.inf
         self._samples.append(sample)
         while sample.stamp_s - self._samples[0].stamp_s > WINDOW_S:
             self._samples.popleft()
@@ -94,8 +107,11 @@ class ThrustMonitor:
             return
         centred = times - times.mean()
         slope = float((centred * energies).sum() / (centred**2).sum())
-        self._rates.append(_Rate(sample.stamp_s, slope, float(throttles.min())))
-        while sample.stamp_s - self._rates[0].stamp_s > REFERENCE_S[1]:
+        earlier = (rate for rate in reversed(self._rates) if sample.stamp_s - rate.stamp_s >= WINDOW_S)
+        before = next(earlier, None)
+        change = math.nan if before is None else slope - before.energy_m_s
+        self._rates.append(_Rate(sample.stamp_s, slope, float(throttles.min()), change))
+        while sample.stamp_s - self._rates[0].stamp_s > GUSTS_S:
             self._rates.popleft()
 
     def _note_engine(self, event: EngineSpeed) -> None:
@@ -114,8 +130,7 @@ class ThrustMonitor:
         throttle_max : float
             Largest throttle that the autopilot may command, as a share of 1.
         """
-        throttle = self._samples[-1].throttle if self._samples else 0.0
-        if self._is_still(now_s) and throttle >= IDLE_SHARE:
+        if self._is_still(now_s) and now_s - self._asked_since_s >= ASKED_S:
             return "the engine stands still"
         loss = self._loss(now_s, throttle_max)
         if not loss:
@@ -128,12 +143,14 @@ class ThrustMonitor:
     def _loss(self, now_s: float, throttle_max: float) -> str:
         """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
         now, (young, old) = self._rate(now_s), REFERENCE_S
-        before = [rate for rate in self._rates if young <= now_s - rate.stamp_s <= old]
-        if now is None or not before:
+        earlier = np.array([rate for rate in self._rates if now_s - rate.stamp_s >= young])
+        if now is None or not len(earlier) or now_s - earlier[-1, 0] > old:
             return ""
-        _, usual, throttle = np.median(np.array(before), axis=0)
-        spread = float(np.median([abs(rate.energy_m_s - usual) for rate in before]))
-        deviation = MAD_TO_DEVIATION * spread
+        _, usual, throttle, _ = np.median(earlier[now_s - earlier[:, 0] <= old], axis=0)
+        changes = np.abs(earlier[np.isfinite(earlier[:, 3]), 3])
+        if not len(changes):
+            return ""
+        deviation = MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
         if now.energy_m_s > -max(LOSS_M_S, 2.0 * deviation):
             return ""
         lost = f"{-now.energy_m_s:.1f} m/s of height are lost"

@@ -1,6 +1,7 @@
 """Missing thrust: energies worked by hand, gusts that are none, and engines that report their speed."""
 
 import math
+import random
 
 import pytest
 from hypothesis import given, settings
@@ -121,6 +122,35 @@ def test_a_motor_may_stand_still_at_idle():
     monitor.observe(EngineSpeed(8.0, "RPM", 5_000.0))
     monitor.observe(EngineSpeed(9.0, "RPM", 0.0))
     assert monitor.fault(11.0) == ""
+
+
+def test_a_motor_that_is_asked_for_thrust_has_time_to_report_it():
+    monitor = fed([*level(10.0, throttle=0.1), *level(12.4, from_s=10.0)])
+    monitor.observe(EngineSpeed(7.0, "RPM", 5_000.0))
+    monitor.observe(EngineSpeed(8.0, "RPM", 0.0))
+    assert monitor.fault(11.8) == ""
+    assert monitor.fault(12.0) == "the engine stands still"
+
+
+def gusty(until_s, seed, from_s=0.0, sink=0.0, throttle=0.5):
+    """Rows with gusts of some 2 s, along and up, and a height that is lost evenly as well."""
+    draw, along, upward, lifted, rows = random.Random(seed), 0.0, 0.0, 0.0, []
+    for stamp, up, airspeed, share in level(until_s, throttle, from_s=from_s):
+        along += draw.gauss(0.0, 0.35) - 0.1 * along
+        upward += draw.gauss(0.0, 0.4) - 0.1 * upward
+        lifted += upward / RATE_HZ
+        rows.append((stamp, up + lifted - sink * (stamp - from_s), airspeed + along, share))
+    return rows
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_in_strong_gusts_nothing_is_told_for_five_minutes(seed):
+    assert told_s(gusty(300.0, seed)) is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_in_strong_gusts_a_large_loss_is_told(seed):
+    assert told_s(gusty(80.0, seed) + gusty(92.0, seed, from_s=80.0, sink=9.0, throttle=1.0)) is not None
 
 
 def test_energy_that_rises_shows_thrust():
