@@ -30,7 +30,7 @@ REFERENCE_S = (4.0, 14.0)  # The rate is compared with the rates of this age.
 # A rate that is lower than those by more than this has dropped. Without thrust a small aircraft loses 1.5 to
 # 3 m/s; a steep turn costs about 1 m/s.
 DROP_M_S = 2.0
-# In gusts it must be lower by this many of their standard deviations. They are seen in the differences between
+# In gusts it must be lower by this many of their standard deviations. They show in the differences between
 # windows that follow each other: a climb, a turn or a descent changes one of these, a gust changes all.
 DROP_DEVIATIONS = 4.0
 GUSTS_S = 60.0  # Gusts are observed for this time.
