@@ -134,9 +134,10 @@ def _ways_through(function):
 def test_modules_import_few_others():
     def many(path):
         modules = {
-            node.module
+            (node.level, node.module)
             for node in nodes_of(path)
-            if isinstance(node, ast.ImportFrom) and node.module.startswith(("companion.", "sim."))
+            if isinstance(node, ast.ImportFrom)
+            and (node.level or node.module.startswith(("companion.", "sim.")))
         }
         return sorted(modules) if len(modules) > FAN_OUT_MAX else []
 
