@@ -206,7 +206,9 @@ def prove(wheel: Path, version: str, tree: Path, work: Path) -> None:
         sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--disable-pip-version-check",
         "--no-index", "--no-deps", wheel, folder=work,
     )  # fmt: skip
-    (site / "needed.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    needed = Path(sysconfig.get_path("purelib"))
+    (site / "needed.pth").write_text(f"{needed}\n", encoding="utf-8")
+    (site / "jsbsim").symlink_to(needed / "jsbsim")  # It looks for its data in the environment's own folder.
     environment = _clean_environment()
     where = _ran(
         python, "-c", "import companion; print(companion.__file__)", folder=work, environment=environment
