@@ -7,7 +7,7 @@
 # packaging/prove_image.py carries out these very steps in a clean Debian, without a registry.
 FROM python:3.11-slim-bookworm AS build
 WORKDIR /src
-COPY pyproject.toml README.md ./
+COPY pyproject.toml setup.py README.md ./
 COPY requirements requirements
 COPY companion companion
 # Left out at the end: the installer, the libraries' own tests, dialects of MAVLink that nothing reads and the

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from companion.offline import fly, load_mission, plan
 
 __all__ = ["__version__", "fly", "load_mission", "plan"]
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 
 def __getattr__(name: str) -> object:

@@ -8,7 +8,9 @@
     │   ├── NoAutopilotError   nothing that is an autopilot is heard
     │   └── TransferError      a mission transfer failed; the autopilot may hold a mix
     ├── RecordError        a recording cannot be read or written      exit 2
-    └── PlannerError       another package's planner fails            exit 2
+    └── PluginError        another package's code fails               exit 2
+        ├── PlannerError       its planner
+        └── ThreatModelError   its model of a static threat
 
 Solvers do not raise for "no path": they return a status.
 """
@@ -16,6 +18,7 @@ Solvers do not raise for "no path": they return a status.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 
 class CompanionError(Exception):
@@ -91,24 +94,37 @@ class RecordError(CompanionError):
 
 
 @dataclass
-class PlannerError(CompanionError):
-    """A planner of another package cannot be loaded, or fails.
+class PluginError(CompanionError):
+    """Code of another package cannot be loaded, or fails.
 
     Parameters
     ----------
-    planner : str
-        The planner's name, distribution and entry point.
+    origin : str
+        Name of the planner or model, its distribution and its entry point.
     found : str
-        Description of what it is or did.
+        Description of what the code is or did.
     expected : str
-        Description of what a planner must be or do.
+        Description of what the code must be or do.
     """
 
-    planner: str
+    origin: str
     found: str
     expected: str
 
     exit_code = 2
+    kind: ClassVar[str] = "plug-in"
 
     def __str__(self) -> str:
-        return f"planner {self.planner}: got {self.found}; expected {self.expected}"
+        return f"{self.kind} {self.origin}: got {self.found}; expected {self.expected}"
+
+
+class PlannerError(PluginError):
+    """A planner of another package cannot be loaded, or fails."""
+
+    kind = "planner"
+
+
+class ThreatModelError(PluginError):
+    """A model of static threats of another package cannot be loaded, or fails."""
+
+    kind = "threat model"

@@ -94,7 +94,7 @@ install_program() {
     }
     # The digest of what is installed says whether there is anything to do.
     stamp=/opt/companion/installed
-    digest=$(cd "$source" && find companion requirements/service.txt pyproject.toml -type f ! -path '*/__pycache__/*' \
+    digest=$(cd "$source" && find companion requirements/service.txt pyproject.toml setup.py -type f ! -path '*/__pycache__/*' \
         -exec sha256sum {} + | LC_ALL=C sort | sha256sum | cut -d ' ' -f 1)
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$digest" ]; then
         return
@@ -107,7 +107,7 @@ install_program() {
         copy=$(mktemp -d)
         trap 'rm -rf "$copy"' EXIT
     fi
-    run cp -R "$source/companion" "$source/pyproject.toml" "$source/README.md" "$copy"
+    run cp -R "$source/companion" "$source/pyproject.toml" "$source/setup.py" "$source/README.md" "$copy"
     # Nothing is installed but what has the hash that the lock file has of it.
     run /opt/companion/bin/python -m pip install --quiet --disable-pip-version-check \
         --only-binary :all: --require-hashes -r "$source/requirements/service.txt"

@@ -3,7 +3,8 @@
 
 The sdist is built from the commit that is checked out, and the wheel from the sdist, so that each holds what
 the next needs. Both are built with the installed setuptools; nothing is fetched. The wheel is installed into
-a fresh environment. There it names its version, checks a shipped mission and plans it. make_deb.py makes and
+a fresh environment. There it names its version, checks a shipped mission, plans it and flies it in the
+simulator. make_deb.py makes and
 tries the Debian package, where that can be done. What passes is put into dist, beside a bill of materials,
 the checksums and the notes: the newest section of CHANGELOG.md.
 """
@@ -30,7 +31,7 @@ from prove_image import listed, normal
 
 SOURCE = Path(__file__).resolve().parents[1]
 MISSION = "mission_configs/first-flight.yaml"
-PACKAGES = ("companion/", "sim/")
+PACKAGES = {"companion": "companion", "sim": "companion_sim"}  # A wheel's package, by directory.
 NOT_PACKED = {"companion/kernels/ruff.toml"}  # A linter's settings are for the checkout.
 OURS = ("safe_rrt_companion-*", "safe-rrt-companion_*.deb", "SHA256SUMS", "RELEASE_NOTES.md")
 LOCK = "requirements/service.txt"
@@ -65,8 +66,19 @@ def newest_section(changelog: str) -> tuple[str, str]:
 
 def left_out(tracked: list[str], packed: list[str]) -> list[str]:
     """Return the tracked files of the packages that a wheel lacks."""
-    own = {name for name in tracked if name.startswith(PACKAGES)}
-    return sorted(own - NOT_PACKED - set(packed))
+    folders = {name: name.partition("/")[0] for name in set(tracked) - NOT_PACKED}
+    places = {
+        name: PACKAGES[folder] + name.removeprefix(folder)
+        for name, folder in folders.items()
+        if folder in PACKAGES
+    }
+    return sorted(name for name, place in places.items() if place not in packed)
+
+
+def strangers(packed: list[str]) -> list[str]:
+    """Return what a wheel would put into an environment beside the packages and its metadata."""
+    tops = {name.partition("/")[0] for name in packed}
+    return sorted(top for top in tops - set(PACKAGES.values()) if not top.endswith(".dist-info"))
 
 
 def checksums(files: list[Path]) -> str:
@@ -194,7 +206,9 @@ def prove(wheel: Path, version: str, tree: Path, work: Path) -> None:
         sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--disable-pip-version-check",
         "--no-index", "--no-deps", wheel, folder=work,
     )  # fmt: skip
-    (site / "needed.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    needed = Path(sysconfig.get_path("purelib"))
+    (site / "needed.pth").write_text(f"{needed}\n", encoding="utf-8")
+    (site / "jsbsim").symlink_to(needed / "jsbsim")  # It looks for its data in the environment's own folder.
     environment = _clean_environment()
     where = _ran(
         python, "-c", "import companion; print(companion.__file__)", folder=work, environment=environment
@@ -206,9 +220,9 @@ def prove(wheel: Path, version: str, tree: Path, work: Path) -> None:
     told = _ran(program, "--version", folder=work, environment=environment)
     if told != version:
         raise RuntimeError(f"the wheel is of version {version}, and says {told}")
-    for command in ("check", "plan"):
-        _ran(program, command, "mission.yaml", folder=work, environment=environment)
-        log.info("companion %s: passes", command)
+    for command in (["check"], ["plan"], ["sitl", "--headless"]):
+        _ran(program, *command, "mission.yaml", folder=work, environment=environment)
+        log.info("companion %s: passes", " ".join(command))
 
 
 def make(target: Path, work: Path, *, has_deb: bool = True) -> None:
@@ -240,9 +254,11 @@ def make(target: Path, work: Path, *, has_deb: bool = True) -> None:
         raise ValueError(f"the newest section of CHANGELOG.md is [{section}], and the version is {version}")
     tracked = _ran("git", "ls-files", *PACKAGES, folder=SOURCE).splitlines()
     with zipfile.ZipFile(wheel) as packed:
-        missing = left_out(tracked, packed.namelist())
-    if missing:
+        names = packed.namelist()
+    if missing := left_out(tracked, names):
         raise RuntimeError(f"the wheel lacks {len(missing)} files, the first is {missing[0]}")
+    if others := strangers(names):
+        raise RuntimeError(f"the wheel installs {', '.join(others)}, too")
     prove(wheel, version, tree, work)
     bill = work / f"{wheel.name.split('-')[0]}-{version}.cdx.json"
     bill.write_text(bill_of_materials(tree, version), encoding="utf-8")

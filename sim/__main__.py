@@ -13,8 +13,8 @@ import typer
 from companion.config import load_mission
 from companion.errors import CompanionError
 from companion.types.events import Dialect
-from sim.server import serve
-from sim.simulator import Simulator
+from .server import serve
+from .simulator import Simulator
 
 logger = logging.getLogger("sim")
 

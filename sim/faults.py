@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.wire.framing import MAGIC_V2, checksum, frames_in
 from companion.types.mission import MissionItem
-from sim.simulator import Simulator
+from .simulator import Simulator
 
 _HEADER = 10
 _RESULT = 2  # Place of the verdict in the payload of MISSION_ACK and COMMAND_ACK.

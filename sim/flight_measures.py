@@ -20,7 +20,7 @@ from companion.assurance.encounters import (
 )
 from companion.types.encounter import Encounter
 from companion.types.threat import DynamicThreat, Radar
-from sim.truth import Truth
+from .truth import Truth
 
 NEVER = math.inf
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.types.record import FlightRecord
-from sim.sitl import Flight
+from .sitl import Flight
 
 
 def record_of(flight: Flight) -> FlightRecord:

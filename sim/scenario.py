@@ -9,9 +9,9 @@ import numpy as np
 
 from companion.config import MissionConfig
 from companion.types.events import Dialect
-from sim.autopilot.arduplane.arduplane import ArduPlane
-from sim.autopilot.autopilot_parameters import Parameters
-from sim.autopilot.operator_missions import (
+from .autopilot.arduplane.arduplane import ArduPlane
+from .autopilot.autopilot_parameters import Parameters
+from .autopilot.operator_missions import (
     Place,
     ground_of,
     landing_circle,
@@ -20,16 +20,16 @@ from sim.autopilot.operator_missions import (
     px4_operator_mission,
     safe_loiter,
 )
-from sim.autopilot.px4.px4 import Px4
-from sim.autopilot.telemetry import Home
-from sim.projection import FastProjection
-from sim.threats.adsb_source import TrackSource
-from sim.threats.pursuers import Pursuers, pursuers_of
-from sim.truth import Truth
-from sim.vehicle.control import TICK_S, Flight
-from sim.vehicle.fdm import FlightDynamics, Start, Weather
-from sim.vehicle.sensors import Sensors
-from sim.vehicle.simulated_battery import SimulatedBattery
+from .autopilot.px4.px4 import Px4
+from .autopilot.telemetry import Home
+from .projection import FastProjection
+from .threats.adsb_source import TrackSource
+from .threats.pursuers import Pursuers, pursuers_of
+from .truth import Truth
+from .vehicle.control import TICK_S, Flight
+from .vehicle.fdm import FlightDynamics, Start, Weather
+from .vehicle.sensors import Sensors
+from .vehicle.simulated_battery import SimulatedBattery
 
 
 @dataclass(slots=True)

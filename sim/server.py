@@ -15,8 +15,8 @@ from urllib.parse import urlsplit
 
 from companion.clock import WallClock
 from companion.errors import LinkError
-from sim.autopilot.channel import Channel
-from sim.simulator import Simulator
+from .autopilot.channel import Channel
+from .simulator import Simulator
 
 _STEP_S = 0.02
 _BACKLOG_MAX_BYTES = 1_000_000

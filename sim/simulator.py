@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from companion.config import MissionConfig
 from companion.types.events import Dialect
 from companion.types.mission import Command
-from sim.autopilot.base import SYSTEM_ID, Autopilot
-from sim.autopilot.channel import Channel
-from sim.mission_types import is_navigation
-from sim.scenario import build
-from sim.threats.passing_aircraft import PassingAircraft
-from sim.threats.pursuer import TargetEstimate
-from sim.truth import PERIOD_US, Truth
-from sim.vehicle.control import TICK_S
+from .autopilot.base import SYSTEM_ID, Autopilot
+from .autopilot.channel import Channel
+from .mission_types import is_navigation
+from .scenario import build
+from .threats.passing_aircraft import PassingAircraft
+from .threats.pursuer import TargetEstimate
+from .truth import PERIOD_US, Truth
+from .vehicle.control import TICK_S
 
 Place = tuple[float, float, float]
 Aircraft = Sequence[tuple[str, PassingAircraft]]

@@ -29,9 +29,9 @@ from companion.planning.plan_runner import InlineRunner
 from companion.recording.recorder import About, Recorder
 from companion.service.replay.lockstep import STEP_S, TURN_TIMEOUT_S, step
 from companion.types.events import Dialect
-from sim.faults import FaultyLink
-from sim.flight_measures import FlightMeasures, Measures, measured
-from sim.simulator import Aircraft, Place, Simulator
+from .faults import FaultyLink
+from .flight_measures import FlightMeasures, Measures, measured
+from .simulator import Aircraft, Place, Simulator
 
 SILENT_S = 10.0
 LINGER_S = 2.0  # The flight goes on for so long after the goal.

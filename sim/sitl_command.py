@@ -28,7 +28,7 @@ from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # Every command of companion loads this module, and most of them do not fly.
     from companion.config import MissionConfig
-    from sim.sitl import Flight
+    from .sitl import Flight
 
 REFRESH_S = 1.0  # Simulated time between two updates of the live table.
 
@@ -38,12 +38,12 @@ _log = logging.getLogger(__name__)
 def register(app: typer.Typer) -> None:
     """Add the command to ``companion``, and the runners of flights and pursuers to its campaigns."""
     app.command("sitl")(sitl)
-    offer("anytime", "sim.comparison.anytime_runs:AnytimeRunner")
-    offer(FLIGHT, "sim.bench.offline_flight:flown")
-    offer(WATCHED, "sim.bench.offline_flight:watched")
-    offer("encounters", "sim.bench.encounter_flights:EncounterRunner")
-    offer("flights", "sim.bench.campaign_runs:FlightRunner")
-    offer(PURSUERS, "sim.bench.campaign_runs:driven")
+    offer("anytime", f"{__package__}.comparison.anytime_runs:AnytimeRunner")
+    offer(FLIGHT, f"{__package__}.bench.offline_flight:flown")
+    offer(WATCHED, f"{__package__}.bench.offline_flight:watched")
+    offer("encounters", f"{__package__}.bench.encounter_flights:EncounterRunner")
+    offer("flights", f"{__package__}.bench.campaign_runs:FlightRunner")
+    offer(PURSUERS, f"{__package__}.bench.campaign_runs:driven")
 
 
 def sitl(
@@ -78,7 +78,7 @@ def sitl(
     from companion.recording.retention import folder_for
     from companion.ui.page.live_page import page_of
     from companion.ui.page.playback_page import wait_for_interrupt
-    from sim.sitl import Flight
+    from .sitl import Flight
 
     if not headless and importlib.util.find_spec("matplotlib") is None:
         raise ModuleNotFoundError(
@@ -134,8 +134,8 @@ def _fly_team(
     json_file: Path | None, console: Console,
 ) -> int:  # fmt: skip
     """Fly as many aircraft as a team; return the exit status."""
-    from sim.team.team_command import fly_and_show
-    from sim.team.team_flight import TeamFlight
+    from .team.team_command import fly_and_show
+    from .team.team_flight import TeamFlight
 
     team = TeamFlight(config, num, seed, autopilot, folder)
     is_success = fly_and_show(team, console)
@@ -148,7 +148,7 @@ def _write_report(flight: Flight, folder: Path, console: Console) -> None:
     """Write the report and the picture of a flight, and say where they are."""
     from companion.config.compose import world_of
     from companion.ui.reports.report import write_report
-    from sim.flight_record import record_of
+    from .flight_record import record_of
 
     world = world_of(flight.mission, none_known=False)
     report, picture = write_report(folder, flight.mission, world, record_of(flight))

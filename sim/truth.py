@@ -10,8 +10,8 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from companion.types.threat import Obstacle
-from sim.vehicle.fdm import TrueState
-from sim.vehicle.true_ground import TrueGround
+from .vehicle.fdm import TrueState
+from .vehicle.true_ground import TrueGround
 
 PERIOD_US = 100_000
 

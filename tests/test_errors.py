@@ -9,7 +9,9 @@ from companion.errors import (
     LinkError,
     NoAutopilotError,
     PlannerError,
+    PluginError,
     RecordError,
+    ThreatModelError,
     TransferError,
 )
 
@@ -20,7 +22,9 @@ CODES = {
     NoAutopilotError: 3,
     TransferError: 3,
     RecordError: 2,
+    PluginError: 2,
     PlannerError: 2,
+    ThreatModelError: 2,
 }
 
 

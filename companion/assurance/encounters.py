@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from companion.frames import FloatArray
 from companion.types.encounter import Closest, Encounter
-from companion.types.threat import Obstacle, Radar
+from companion.types.threat import Obstacle, Radar, SightFloor
 
 GAP_S = 5.0  # Between rows farther apart the position counts as unknown.
 WAYPOINT_S = 1.0  # τ, the planner's time step (paper 2.2).
@@ -51,6 +51,8 @@ class ThreatHistory:
     boundary_coefficient_per_m : float
         K_R of a radar's detection boundary h_B = K_R·L² [1/m]. With 0 there is no boundary: a flight in the
         plane, slightly below the radar, is seen.
+    lowest_seen_m : SightFloor, optional
+        What limits a radar's sight besides.
     """
 
     name: str
@@ -58,6 +60,7 @@ class ThreatHistory:
     rows: FloatArray
     is_moving: bool = True
     boundary_coefficient_per_m: float = 0.0
+    lowest_seen_m: SightFloor | None = None
 
 
 class Sight(Protocol):
@@ -201,6 +204,7 @@ def radar_threats(radars: Sequence[Radar], flown: FloatArray) -> tuple[ThreatHis
             radar.name, radar.max_threat_radius_m,
             np.column_stack([flown[:, 0], np.tile(radar.position_enu_m, (len(flown), 1))]),
             is_moving=False, boundary_coefficient_per_m=radar.boundary_coefficient_per_m,
+            lowest_seen_m=radar.lowest_seen_m,
         )
         for radar in radars
     )  # fmt: skip
@@ -361,6 +365,8 @@ def _is_seen(threat: ThreatHistory, here: FloatArray, there: FloatArray, masks: 
     seen = np.ones(len(here), dtype=bool)
     if threat.boundary_coefficient_per_m > 0.0:
         seen = away[:, 2] >= threat.boundary_coefficient_per_m * flat**2
+    if threat.lowest_seen_m is not None:
+        seen &= here[:, 2] >= threat.lowest_seen_m(here[:, :2])
     seen[seen] = masks.is_free(there[seen], here[seen])
     return seen
 

@@ -117,6 +117,8 @@ class Exposure:
         ranges = np.hypot(flat, away[:, 2])
         reach = radar.max_threat_radius_m
         seen = (ranges <= reach) & (-away[:, 2] >= radar.boundary_coefficient_per_m * flat**2)
+        if radar.lowest_seen_m is not None:
+            seen &= at.places[:, 2] >= radar.lowest_seen_m(at.places[:, :2])
         near = np.flatnonzero(seen)
         seen[near] = self._sight.is_free(place[near], at.places[near])
         return _pair(at, away, ranges, reach, seen, self._model)

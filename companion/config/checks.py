@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 import shapely
 
 from companion.config.models import Goal, MissionConfig, ObstacleConfig, Start
 from companion.config.sections.glide_section import FieldConfig
 from companion.config.sections.terrain_section import TerrainConfig
 from companion.config.source import KeyPath
+from companion.errors import ThreatModelError
 from companion.kernels.arrays import Ground
 from companion.planning.plugins.installed_planners import method_fault
+from companion.planning.plugins.installed_threats import InstalledSight
 from companion.world.ground.cell_lookup import cell_at
 from companion.world.vehicle.energy import level_power_range
 
@@ -22,6 +25,7 @@ _GRAVITY_M_S2 = 9.80665
 _BANK_MAX_RAD = math.radians(60.0)  # Load factor 2; no autopilot's default exceeds it.
 _AREA_MIN_M2 = 1e-3
 MAP_TOLERANCE_M = 3.0  # A radar may lie this far below the ground of the map, which is not exact.
+MODEL_TRIALS = 33  # A radar's model is tried at so many places along each side of the bounds.
 ROUNDED = 0.005  # Rounding to three digits changes a number by at most this share.
 
 
@@ -31,6 +35,7 @@ def findings(config: MissionConfig) -> Iterator[Finding]:
     yield from _points_in_bounds(config)
     yield from _vehicle(config)
     yield from _planning(config)
+    yield from _radars(config)
     yield from _names(config)
     yield from _obstacles(config)
     yield from _routes(config)
@@ -244,6 +249,20 @@ def _planning(config: MissionConfig) -> Iterator[Finding]:
             "planning_budget_s and swap_margin_s together below time_horizon_s: "
             "a plan must be ready before the next is due",
         )
+
+
+def _radars(config: MissionConfig) -> Iterator[Finding]:
+    sides = (np.linspace(*limits, MODEL_TRIALS) for limits in (config.bounds.east_m, config.bounds.north_m))
+    places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+    for index, entry in enumerate(config.radars):
+        if entry.model_values and not entry.model:
+            yield ("radars", index, "model_values"), "left out, since the radar has no model"
+        try:
+            sight = entry.radar().lowest_seen_m
+            if isinstance(sight, InstalledSight):
+                sight.lowest_seen_m(places)
+        except ThreatModelError as error:
+            yield ("radars", index, "model"), f"a model that works: {error}"
 
 
 def _names(config: MissionConfig) -> Iterator[Finding]:

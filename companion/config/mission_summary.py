@@ -47,6 +47,7 @@ def mission_summary(mission: MissionConfig) -> dict[str, object]:
                 "position_enu_m": [radar.east_m, radar.north_m, radar.up_m],
                 "max_threat_radius_m": radar.max_threat_radius_m,
                 "boundary_coefficient_per_m": radar.boundary_coefficient_per_m,
+                "model": radar.model,
             }
             for radar in mission.radars
         ],

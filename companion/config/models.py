@@ -22,6 +22,7 @@ from companion.config.sections.simulation_section import Simulation
 from companion.config.sections.team_section import TeamConfig
 from companion.config.sections.terrain_section import TerrainConfig
 from companion.frames import LocalFrame
+from companion.planning.plugins.installed_threats import with_sight
 from companion.types.threat import DynamicThreat, Obstacle, Radar
 
 # A local frame is accurate to 1 part in 10⁶ within 10 km. A file may reach ten times as far.
@@ -230,8 +231,23 @@ class RadarConfig(Section):
     """R_max: beyond this distance there is no threat."""
     boundary_coefficient_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     """K_R of the lower boundary h_B = K_R·L², below which the radar does not see."""
+    model: Annotated[str, Field(max_length=40)] = ""
+    """Where the radar sees, by [a model of another package](own-threat.md); by default all around."""
+    model_values: Annotated[tuple[float, ...], Field(max_length=100)] = ()
+    """Values that the model takes, in its order."""
     known_beforehand: bool = True
     """If false, the radar is unknown until the aircraft is within `sensing_horizon_m` of its area."""
+
+    def radar(self) -> Radar:
+        """Return the radar in the world's types; raises ThreatModelError if its model cannot be used."""
+        plain = Radar(
+            name=self.name,
+            position_enu_m=(float(self.east_m), float(self.north_m), float(self.up_m)),
+            max_threat_radius_m=float(self.max_threat_radius_m),
+            boundary_coefficient_per_m=float(self.boundary_coefficient_per_m),
+            is_listed=self.known_beforehand,
+        )
+        return with_sight(plain, self.model, self.model_values)
 
 
 class DynamicThreatConfig(Section):
@@ -458,16 +474,7 @@ class MissionConfig(Section):
     @cached_property
     def radar_list(self) -> tuple[Radar, ...]:
         """Static threats in the world's types."""
-        return tuple(
-            Radar(
-                name=entry.name,
-                position_enu_m=(float(entry.east_m), float(entry.north_m), float(entry.up_m)),
-                max_threat_radius_m=float(entry.max_threat_radius_m),
-                boundary_coefficient_per_m=float(entry.boundary_coefficient_per_m),
-                is_listed=entry.known_beforehand,
-            )
-            for entry in self.radars
-        )
+        return tuple(entry.radar() for entry in self.radars)
 
     @cached_property
     def dynamic_threat_list(self) -> tuple[DynamicThreat, ...]:

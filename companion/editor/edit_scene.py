@@ -71,6 +71,8 @@ def scene_of(text: str, file: str) -> Scene:
         mission,
         {
             "sections": _written_sections(data),
+            "absent": [".".join(map(str, path)) for path in SECTIONS if value_at(data, path) is None],
+            "optional": OPTIONAL,
             "bounds_m": _box(document, frame),
             "elements": list(_elements(document, frame)),
             "faults": [_fault(error) for error in faults],
@@ -105,6 +107,11 @@ def _sections() -> Iterator[tuple[KeyPath, type[Section]]]:
 
 MODELS = dict(_sections())
 SECTIONS = [path for path in MODELS if path and path not in LISTS]
+OPTIONAL = [
+    ".".join(map(str, path))
+    for path in SECTIONS
+    if not MODELS[path[:-1]].model_fields[str(path[-1])].is_required()
+]
 
 
 def key_tables() -> dict[str, list[dict[str, str]]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import collections
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -79,7 +80,8 @@ PROPERTIES: dict[Kind, dict[str, type]] = {
     Kind.FENCE: _AREA,
     Kind.NO_FLY: _AREA,
     Kind.RADAR: _POINT
-    | {"max_threat_radius_m": float, "boundary_coefficient_per_m": float, "known_beforehand": bool},
+    | {"max_threat_radius_m": float, "boundary_coefficient_per_m": float, "known_beforehand": bool}
+    | {"model": str, "model_values": tuple},
     Kind.MOVING_THREAT: _POINT
     | {"max_threat_radius_m": float, "speed_m_s": float, "turn_radius_m": float, "behaviour": str}
     | {"identity": str, "system_id": int},
@@ -264,7 +266,7 @@ class Intake:
         self.places.append(FoundPlace(kind, places, name, values, where))
 
     def values(self, kind: Kind, properties: Mapping[str, object], label: str) -> dict[str, object]:
-        """Return those properties that a kind has, as numbers, truths and text.
+        """Return those properties that a kind has, as numbers, lists of them, truths and text.
 
         Raises
         ------
@@ -288,6 +290,9 @@ class Intake:
             return _TRUTHS[str(value).strip().lower()]
         if wanted is str:
             return str(value).strip()
+        if wanted is tuple:
+            parts = value if isinstance(value, list | tuple) else re.split(r"[\s,;]+", str(value).strip())
+            return tuple(self.number(key, part) for part in parts)
         number = self.number(key, value)
         return int(number) if wanted is int else number
 

@@ -33,8 +33,10 @@ def places_of(mission: MissionConfig) -> tuple[FoundPlace, ...]:
         values = {"up_m": goal.up_m, "acceptance_radius_m": goal.acceptance_radius_m}
         places.append(write.place(Kind.GOAL, [(goal.east_m, goal.north_m)], "", values))
     for radar in mission.radars:
-        values = radar.model_dump(exclude={"name", "east_m", "north_m"})
-        places.append(write.place(Kind.RADAR, [(radar.east_m, radar.north_m)], radar.name, values))
+        seen = radar.model_dump(exclude={"name", "east_m", "north_m", "model", "model_values"})
+        if radar.model:
+            seen |= {"model": radar.model, "model_values": " ".join(map(repr, radar.model_values))}
+        places.append(write.place(Kind.RADAR, [(radar.east_m, radar.north_m)], radar.name, seen))
     for threat in mission.dynamic_threats:
         values = threat.model_dump(exclude={"name", "east_m", "north_m", "route_enu_m"}, exclude_none=True)
         line = [(threat.east_m, threat.north_m), *threat.route_enu_m]

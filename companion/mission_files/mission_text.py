@@ -183,10 +183,7 @@ class _Writer:
 
     @staticmethod
     def _values(values: Mapping[str, object]) -> str:
-        return ", ".join(
-            f"{key}: {json.dumps(value) if isinstance(value, str) else _number(value)}"
-            for key, value in values.items()
-        )
+        return ", ".join(f"{key}: {_written(value)}" for key, value in values.items())
 
     def _name(self, place: FoundPlace, taken: set[str], name_max: int) -> str:
         """Return a name that the mission file accepts, and that no other of the list has."""
@@ -199,6 +196,12 @@ class _Writer:
         if place.name and name != place.name:
             self.renamed.append(f"{place.where}: named {name!r} here")
         return name
+
+
+def _written(value: object) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_written, value)) + "]"
+    return json.dumps(value) if isinstance(value, str) else _number(value)
 
 
 def _pairs(corners: Iterable[Degrees]) -> str:

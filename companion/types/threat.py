@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,11 @@ from companion.frames import FloatArray
 WELL_CLEAR_UP_M = 76.2  # Vertical separation of well clear: 250 ft, ASTM F3442.
 HEIGHT_STD_M = 4.0  # Standard deviation of a reported height, where the report states none.
 TURNS_S = 30.0  # An aircraft that turns or climbs is foreseen to do so for so long, and to fly straight then.
+
+
+# Returns from which up coordinate on (N,) [m] a radar sees over places (N, 2), east and north [m]. It is
+# minus infinity where nothing is hidden, plus infinity where everything is.
+SightFloor = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +57,8 @@ class Radar:
         K_R of the detection boundary h_B = K_R·L² [1/m]; 0 in two dimensions.
     is_listed : bool
         True if it is known before it is sensed.
+    lowest_seen_m : SightFloor, optional
+        What limits its sight besides range, boundary, obstacles and ground; by default nothing.
     """
 
     name: str
@@ -58,6 +66,7 @@ class Radar:
     max_threat_radius_m: float
     boundary_coefficient_per_m: float = 0.0
     is_listed: bool = False
+    lowest_seen_m: SightFloor | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim.autopilot.channel import Message
+from .channel import Message
 
 _INT8 = mavlink.MAV_PARAM_TYPE_INT8
 _INT16 = mavlink.MAV_PARAM_TYPE_INT16

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import MissionItem
-from sim.autopilot.autopilot_parameters import Parameters
-from sim.autopilot.battery_failsafe import BatteryFailsafe
-from sim.autopilot.channel import Channel, Message, Stream
-from sim.autopilot.telemetry import Home, Telemetry
-from sim.projection import FastProjection
-from sim.vehicle.control import Flight
+from ..projection import FastProjection
+from ..vehicle.control import Flight
+from .autopilot_parameters import Parameters
+from .battery_failsafe import BatteryFailsafe
+from .channel import Channel, Message, Stream
+from .telemetry import Home, Telemetry
 
 SYSTEM_ID = 1
 COMPONENT_ID = mavlink.MAV_COMP_ID_AUTOPILOT1

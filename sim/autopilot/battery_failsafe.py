@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim.autopilot.autopilot_parameters import Parameters
-from sim.vehicle.simulated_battery import SimulatedBattery
+from ..vehicle.simulated_battery import SimulatedBattery
+from .autopilot_parameters import Parameters
 
 ARDUPLANE_RTL = 1.0  # BATT_FS_LOW_ACT
 PX4_RETURN = 3.0  # COM_LOW_BAT_ACT: return at the critical level.

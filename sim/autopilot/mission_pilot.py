@@ -8,13 +8,13 @@ from collections.abc import Sequence
 
 from companion.frames import wrapped_angle
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.autopilot.autopilot_parameters import Parameters
-from sim.autopilot.base import Autopilot
-from sim.autopilot.telemetry import Home, Target
-from sim.mission_types import is_navigation
-from sim.projection import FastProjection
-from sim.vehicle.control import Circle, Flight, Leg, progress_on
-from sim.vehicle.outer_loops import Point
+from ..mission_types import is_navigation
+from ..projection import FastProjection
+from ..vehicle.control import Circle, Flight, Leg, progress_on
+from ..vehicle.outer_loops import Point
+from .autopilot_parameters import Parameters
+from .base import Autopilot
+from .telemetry import Home, Target
 
 RELATIVE_FRAMES = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 TERRAIN_FRAMES = (MavFrame.GLOBAL_TERRAIN_ALT, MavFrame.GLOBAL_TERRAIN_ALT_INT)

@@ -15,10 +15,10 @@ from companion.config import MissionConfig
 from companion.config.sections.terrain_map import posts_of
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.threat import Obstacle
-from sim.autopilot.arduplane.arduplane import home_item
-from sim.autopilot.telemetry import Home
-from sim.projection import FastProjection
-from sim.vehicle.true_ground import TrueGround
+from ..projection import FastProjection
+from ..vehicle.true_ground import TrueGround
+from .arduplane.arduplane import home_item
+from .telemetry import Home
 
 Place = tuple[float, float, float]
 

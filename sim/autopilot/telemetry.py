@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import wrapped_angle
-from sim.autopilot.channel import Message
-from sim.projection import FastProjection
-from sim.vehicle.control import Flight
-from sim.vehicle.simulated_battery import SimulatedBattery
-from sim.vehicle.true_ground import SPACING_M
+from ..projection import FastProjection
+from ..vehicle.control import Flight
+from ..vehicle.simulated_battery import SimulatedBattery
+from ..vehicle.true_ground import SPACING_M
+from .channel import Message
 
 EPOCH_S = 1_767_225_600  # 2026-01-01 UTC, at simulated second 0.
 _SENSORS = 0x0120FC2F  # Gyro, accelerometer, compass, barometer, airspeed, GPS and the control loops.

@@ -17,7 +17,7 @@ from companion.flight.state.modes import Mode
 from companion.frames import FloatArray
 from companion.mission.path_progress import progress_on, time_at
 from companion.types.events import Dialect
-from sim.sitl import Flight
+from ..sitl import Flight
 
 AHEAD_S, EVERY_S = 30.0, 5.0
 PASSED_M = 20.0  # The aircraft passes its place within this distance.

@@ -37,7 +37,7 @@ def bench(
 
     Exits with 1 if a median reaction takes longer than promised, or a reaction never comes.
     """
-    from sim.bench import bench_figures
+    from . import bench_figures
 
     files = missions or sorted(Path("mission_configs").glob("paper-*.yaml"))
     logging.disable(logging.CRITICAL)  # Of these flights only the figures matter.

@@ -11,8 +11,8 @@ from pathlib import Path
 from companion.config import load_mission
 from companion.research.campaign.runs import plan_runs
 from companion.types.events import Dialect
-from sim.bench.arrival import fly_in_wind
-from sim.bench.reaction import CHANGES, reaction_s
+from .arrival import fly_in_wind
+from .reaction import CHANGES, reaction_s
 
 WINDS_M_S, WINDS_FROM_DEG = (0, 5, 10, 14), (0, 135, 270)
 PLANS = 20

@@ -15,8 +15,8 @@ from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 from companion.research.campaign.engines.runners import Outcome
 from companion.types.events import Dialect
 from companion.types.path import Path
-from sim.threats.pursuer import TargetEstimate
-from sim.threats.pursuers import pursuers_of
+from ..threats.pursuer import TargetEstimate
+from ..threats.pursuers import pursuers_of
 
 STEP_US = 100_000
 TIMED = ("plan_ms", "track_to_mission_ms", "wall_s")
@@ -37,7 +37,7 @@ class FlightRunner:
     def __init__(self, campaign: Campaign, known: dict[str, str]) -> None:
         del known
         # The simulator is an extra; driving threats against plans works without it.
-        from sim.bench.flown_runs import flight_of  # noqa: PLC0415
+        from .flown_runs import flight_of  # noqa: PLC0415
 
         self._campaign, self._flight_of = campaign, flight_of
         self._dialect = Dialect(campaign.config.autopilot)

@@ -28,9 +28,9 @@ from companion.research.encounters.well_clear import (
     Volume,
 )
 from companion.types.events import Dialect
-from sim.bench.campaign_runs import mission_of
-from sim.sitl import Flight
-from sim.threats.passing_aircraft import PassingAircraft
+from ..sitl import Flight
+from ..threats.passing_aircraft import PassingAircraft
+from .campaign_runs import mission_of
 
 VOLUMES = {
     "nmac": NEAR_MID_AIR_COLLISION,

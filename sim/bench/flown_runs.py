@@ -11,9 +11,9 @@ from companion.research.campaign.campaign_spec import Run
 from companion.research.campaign.flown_methods import LinkFaultsConfig
 from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.events import Dialect
-from sim.faults import FaultKind, FaultyLink, LinkFaults, random_schedule
-from sim.simulator import Place
-from sim.sitl import Flight
+from ..faults import FaultKind, FaultyLink, LinkFaults, random_schedule
+from ..simulator import Place
+from ..sitl import Flight
 
 
 def flight_of(mission: MissionConfig, run: Run, dialect: Dialect, faults: LinkFaultsConfig) -> Flight:

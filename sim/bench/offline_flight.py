@@ -11,8 +11,8 @@ from companion.kernels.native.ready import make_ready
 from companion.offline import Flown
 from companion.recording.recorder import Listener
 from companion.types.events import Dialect
-from sim.flight_record import record_of
-from sim.sitl import Flight
+from ..flight_record import record_of
+from ..sitl import Flight
 
 
 def flown(mission: MissionConfig, seed: int, autopilot: str) -> Flown:

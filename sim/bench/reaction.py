@@ -24,12 +24,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config import mission_from_text
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.autopilot.arduplane.arduplane import ArduPlane
-from sim.autopilot.px4.px4 import Px4
-from sim.autopilot.px4.px4_store import stored
-from sim.mission_types import MissionKind
-from sim.server import serve
-from sim.simulator import Simulator
+from ..autopilot.arduplane.arduplane import ArduPlane
+from ..autopilot.px4.px4 import Px4
+from ..autopilot.px4.px4_store import stored
+from ..mission_types import MissionKind
+from ..server import serve
+from ..simulator import Simulator
 
 CHANGES = ("pop_up", "turn", "fence")
 AHEAD_M, FENCE_RADIUS_M = 600.0, 150.0

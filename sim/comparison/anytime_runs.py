@@ -19,8 +19,8 @@ from companion.planning.solver import solve
 from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 from companion.research.campaign.engines.runners import Outcome
 from companion.research.campaign.runs import judged_plan, offline_problem, offline_world
-from sim.comparison.ompl_edges import Edges, Pose
-from sim.comparison.ompl_planners import searched
+from .ompl_edges import Edges, Pose
+from .ompl_planners import searched
 
 MARKS_S = (0.1, 1.0, 10.0)
 ENDLESS = 10_000_000  # Number of iterations that the clock ends first.

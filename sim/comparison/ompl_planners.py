@@ -21,7 +21,7 @@ from ompl import base, geometric, util
 
 from companion.planning.explore import Exploration
 from companion.planning.problem import GoalRegion
-from sim.comparison.ompl_edges import Edges, Pose
+from .ompl_edges import Edges, Pose
 
 PLANNERS: dict[str, Callable[[Any], Any]] = {
     "ompl-rrt": geometric.RRT,

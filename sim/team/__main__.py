@@ -13,10 +13,10 @@ from typing import Annotated
 
 import typer
 
-from sim.team.fast_time import RunRow, fly, fly_straight
-from sim.team.scenes import Scene
+from .fast_time import RunRow, fly, fly_straight
+from .scenes import Scene
 
-logger = logging.getLogger("sim.team")
+logger = logging.getLogger(__package__)
 
 
 def main(

@@ -11,7 +11,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.team.separation import PackedPlans
 from companion.team.shared_plan import SharedPlan, entering_circle
-from sim.team.scenes import Scene
+from .scenes import Scene
 
 OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the way, as shares of its length.
 TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.

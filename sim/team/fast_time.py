@@ -10,10 +10,10 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.team.agreement import Agreement, Outcome
 from companion.team.shared_plan import SharedPlan
-from sim.team.candidates import Circling, Way, candidates, first_clear, ways_to
-from sim.team.scenes import FRAME, Scene, starts_and_goals
-from sim.team.team_radio import TeamRadio
-from sim.team.true_distances import STEP_S, Flown, pairs_lost, true_places
+from .candidates import Circling, Way, candidates, first_clear, ways_to
+from .scenes import FRAME, Scene, starts_and_goals
+from .team_radio import TeamRadio
+from .true_distances import STEP_S, Flown, pairs_lost, true_places
 
 BEGIN_S = 1.9e9  # UTC time of the beginning [s].
 SENDS_EACH = 2  # An aircraft looks every second step whether it has to send.

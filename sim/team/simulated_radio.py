@@ -11,7 +11,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.wire.framing import frames_in
-from sim.simulator import Simulator
+from ..simulator import Simulator
 
 CARRIED = frozenset(
     {

@@ -12,7 +12,7 @@ from companion.config import MissionConfig
 from companion.config.compose import world_of
 from companion.ui.reports import style
 from companion.ui.reports.basemap import new_sheet
-from sim.team.team_flight import TeamFlight, fly_team
+from .team_flight import TeamFlight, fly_team
 
 COLOURS = ("#0057b8", "#c8102e", "#00843d", "#ff8200", "#6a1b9a", "#00a3ad", "#8d6e63", "#5d737e")
 

@@ -22,9 +22,9 @@ from companion.config.sections.team_section import TeamConfig
 from companion.errors import CompanionError
 from companion.frames import FloatArray
 from companion.types.events import Dialect
-from sim.autopilot.operator_missions import ground_of, safe_loiter
-from sim.sitl import LINGER_S, Flight
-from sim.team.simulated_radio import Radio
+from ..autopilot.operator_missions import ground_of, safe_loiter
+from ..sitl import LINGER_S, Flight
+from .simulated_radio import Radio
 
 SPOTS_M = 60.0  # Starts and goals are sought on a grid of this size.
 SPOTS_MAX = 5_000

@@ -7,7 +7,7 @@ from collections import defaultdict
 import numpy as np
 
 from companion.frames import FloatArray
-from sim.team.scenes import Scene
+from .scenes import Scene
 
 Heard = tuple[int, int, bytes]  # receiver, sender, payload
 

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from companion.frames import FloatArray
-from sim.team.candidates import Circling
-from sim.team.scenes import Scene
+from .candidates import Circling
+from .scenes import Scene
 
 STEP_S = 0.25
 TOGETHER = 8  # Pairs that are near each other are sought for so many instants at once.

@@ -7,12 +7,12 @@ import math
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim.autopilot.base import Autopilot
-from sim.autopilot.channel import Message
-from sim.projection import FastProjection
-from sim.threats.passing_aircraft import PassingAircraft
-from sim.threats.pursuer import Pursuer
-from sim.threats.pursuers import Pursuers
+from ..autopilot.base import Autopilot
+from ..autopilot.channel import Message
+from ..projection import FastProjection
+from .passing_aircraft import PassingAircraft
+from .pursuer import Pursuer
+from .pursuers import Pursuers
 
 SOURCE_SYSTEM = 200
 SOURCE_COMPONENT = mavlink.MAV_COMP_ID_ADSB

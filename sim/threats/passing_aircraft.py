@@ -6,7 +6,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import FloatArray
-from sim.threats.pursuer import TargetEstimate
+from .pursuer import TargetEstimate
 
 
 class PassingAircraft:

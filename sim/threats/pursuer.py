@@ -9,7 +9,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import FloatArray, wrapped_angle
-from sim.threats.roads import Roads, polyline_points
+from .roads import Roads, polyline_points
 
 CLEARANCE_M = 12.0
 _REPLAN_US = 1_000_000

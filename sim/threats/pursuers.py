@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from companion.config import MissionConfig
 from companion.config.models import DynamicThreatConfig
-from sim.threats.passing_aircraft import PassingAircraft
-from sim.threats.pursuer import CLEARANCE_M, Pursuer
-from sim.threats.roads import Roads
+from .passing_aircraft import PassingAircraft
+from .pursuer import CLEARANCE_M, Pursuer
+from .roads import Roads
 
 Pursuers = Sequence[tuple[str, Pursuer | PassingAircraft]]  # each with its name
 

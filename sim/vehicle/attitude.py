@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from sim.vehicle.sensors import Estimate
+from .sensors import Estimate
 
 GRAVITY_M_S2 = 9.80665
 _REFERENCE_SPEED_M_S = 25.0

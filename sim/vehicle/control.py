@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from sim.autopilot.autopilot_parameters import Parameters
-from sim.vehicle.attitude import Airframe, AttitudeController
-from sim.vehicle.fdm import STEP_S, FlightDynamics, Start
-from sim.vehicle.outer_loops import EnergyControl, LateralGuidance, Point, bank_for
-from sim.vehicle.sensors import Estimate, Sensors
-from sim.vehicle.simulated_battery import SimulatedBattery
-from sim.vehicle.true_ground import StoredGround, TrueGround
+from ..autopilot.autopilot_parameters import Parameters
+from .attitude import Airframe, AttitudeController
+from .fdm import STEP_S, FlightDynamics, Start
+from .outer_loops import EnergyControl, LateralGuidance, Point, bank_for
+from .sensors import Estimate, Sensors
+from .simulated_battery import SimulatedBattery
+from .true_ground import StoredGround, TrueGround
 
 FDM_STEPS_A_TICK = 2
 TICK_S = FDM_STEPS_A_TICK * STEP_S

@@ -10,7 +10,7 @@ import jsbsim
 import numpy as np
 
 from companion.frames import FloatArray, LocalFrame
-from sim.projection import FastProjection
+from ..projection import FastProjection
 
 STEP_S = 1.0 / 120.0
 AIRCRAFT_PATH = Path(__file__).parent / "aircraft"

@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass
 
 from companion.frames import wrapped_angle
-from sim.vehicle.attitude import GRAVITY_M_S2, Airframe, load_factor
-from sim.vehicle.sensors import Estimate
+from .attitude import GRAVITY_M_S2, Airframe, load_factor
+from .sensors import Estimate
 
 Point = tuple[float, float]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.vehicle.fdm import TrueState
+from .fdm import TrueState
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from pyproj import Transformer
 
 from companion.config import load_mission
 from companion.editor.edit_server import EditServer
@@ -303,6 +304,97 @@ def test_numbers_by_hand_and_errors_beside_them(page, file):
     window.settled()
     planning = load_mission(file).planning
     assert (planning.price_seen, planning.threat_level_max) == (7.5, 1.0)
+    assert window.is_content()
+
+
+ENERGY = {
+    "power_cruise_w": "120", "power_max_airspeed_w": "300", "climb_energy_j_m": "30", "capacity_wh": "200",
+    "reserve_wh": "40",
+}  # fmt: skip
+SECTIONS = {
+    "glide": (
+        {"ratio": "9", "airspeed_m_s": "20"},
+        lambda found: (found.ratio, found.airspeed_m_s) == (9.0, 20.0),
+    ),
+    "energy": (ENERGY, lambda found: (found.power_cruise_w, found.reserve_wh) == (120.0, 40.0)),
+    "terrain.generated": (
+        {"kind": "hills", "relief_m": "20"},
+        lambda found: found.generated.relief_m == 20.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SECTIONS)
+def test_a_section_that_the_file_lacks_is_made_by_numbers_undone_and_removed(page, file, kind):
+    text = file.read_text(encoding="utf-8").replace("up_m: [60, 160]", "up_m: [60, 400]")
+    file.write_text(text, encoding="utf-8")
+    values, is_right = SECTIONS[kind]
+    window = page()
+    path = kind.split(".")
+    window.state(f"editor.goTo({path!r})")
+    assert window.state("editor.selected.isAbsent")
+    assert "Not in the file yet" in window.run("return document.querySelector('#chosen').innerHTML")
+    assert window.run("return document.querySelector('#remove').disabled")
+    for name, value in values.items():
+        window.write(name, value)
+    assert window.text("#standing") == "not saved yet", window.text("#faults")
+    assert not window.state("editor.selected.isAbsent")
+    window.click("#save")
+    window.settled()
+    assert is_right(getattr(load_mission(file), path[0]))
+    for _ in values:
+        window.click("#undo")
+        window.settled()
+    assert window.state("editor.selected.isAbsent")
+    for _ in values:
+        window.click("#redo")
+        window.settled()
+    window.click("#remove")
+    window.settled()
+    assert kind in window.state("editor.state.absent")
+    window.state(f"editor.goTo([{path[0]!r}])")
+    if len(path) > 1:
+        window.click("#remove")
+        window.settled()
+    window.click("#save")
+    window.settled()
+    assert file.read_text(encoding="utf-8") == text, "with all comments"
+    assert window.is_content()
+
+
+def test_a_place_in_utm_is_dragged_and_stays_so(page, file):
+    text = file.read_text(encoding="utf-8")
+    mission = load_mission(file)
+    assert "{east_m: 1750, north_m: 750, up_m: 100, acceptance_radius_m: 60}" in text
+    frame = mission.frame
+    latitude, longitude, _ = frame.global_from_local(1750.0, 750.0, 0.0)
+    zone = 1 + int((longitude + 180.0) // 6.0)
+    easting, northing = Transformer.from_crs(4326, 32700 + zone, always_xy=True).transform(
+        longitude, latitude
+    )
+    utm = f"{{utm: {{zone: {zone}H, easting_m: {easting:.1f}, northing_m: {northing:.1f}}}, up_m: 100, "
+    file.write_text(text.replace("{east_m: 1750, north_m: 750, up_m: 100, ", utm), encoding="utf-8")
+    window = page()
+    (goal,) = window.state("editor.elements.filter((one) => one.kind === 'goals')")
+    assert goal["place_m"][:2] == pytest.approx([1750.0, 750.0], abs=0.2)
+    window.drag([1750, 750], [1600, 900])
+    (moved,) = window.state("editor.elements.filter((one) => one.kind === 'goals')")
+    assert moved["place_m"][:2] == pytest.approx([1600.0, 900.0], abs=6.0)  # It goes to round numbers.
+    assert moved["written"] == "utm"
+    assert moved["values"]["utm"]["zone"] == f"{zone}H"
+    assert "UTM" in window.text("#written")
+    window.write("utm.easting_m", str(round(easting)))
+    window.click("#save")
+    window.settled()
+    saved = file.read_text(encoding="utf-8")
+    assert f"easting_m: {round(easting)}, northing_m: " in saved
+    assert len(saved.splitlines()) == len(text.splitlines())
+    assert load_mission(file).goals[0].north_m == pytest.approx(900.0, abs=10.0)
+    while window.state("editor.state.can_undo"):
+        window.click("#undo")
+        window.settled()
+    (back,) = window.state("editor.elements.filter((one) => one.kind === 'goals')")
+    assert back["place_m"][:2] == pytest.approx([1750.0, 750.0], abs=0.2)
     assert window.is_content()
 
 

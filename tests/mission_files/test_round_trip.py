@@ -150,6 +150,17 @@ def test_any_mission_comes_back(form, tmp_path, mission):
     assert text.count("# - ") == 0
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_radar_keeps_its_model_and_its_values(form, tmp_path, packages):
+    packages.install_example("example-threat")
+    mission = load_mission(CONFIGS.parent / "docs" / "example-threat" / "sector.yaml")
+    same, text = again(mission, tmp_path, form, like=True)
+    (radar,) = same.radars
+    assert (radar.model, radar.model_values) == ("sector", (0.0, 120.0))
+    assert "model_values: [0, 120]" in text
+    assert text.count("# - ") == 0
+
+
 def test_a_plan_that_was_changed_since_is_read_as_it_stands(tmp_path):
     mission = load_mission(CONFIGS / "slow-aircraft.yaml")
     file, target = CONFIGS / "slow-aircraft.yaml", tmp_path / "out.plan"

@@ -88,7 +88,13 @@ def checkout(tmp_path):
     shutil.copytree(SCRIPT.parents[1] / "mission_configs", made / "mission_configs")
     for folder in ("companion", "requirements"):
         (made / folder).mkdir()
-    for name in ("pyproject.toml", "README.md", "requirements/service.txt", "companion/__init__.py"):
+    for name in (
+        "pyproject.toml",
+        "setup.py",
+        "README.md",
+        "requirements/service.txt",
+        "companion/__init__.py",
+    ):
         shutil.copy(SCRIPT.parents[1] / name, made / name)
     script = made / "packaging" / "install.sh"
     text = script.read_text(encoding="utf-8").replace("program=no; shift", "shift")
@@ -120,7 +126,7 @@ def test_the_program_is_built_in_a_copy_and_the_checkout_stays_as_it_is(checkout
     assert libraries.endswith(f" --only-binary :all: --require-hashes -r {lock}: {lock}")
     done, _, inside = program.rpartition(": ")
     assert f" --no-deps --no-build-isolation {temporary}/" in done
-    assert inside == "README.md build companion pyproject.toml x.egg-info"
+    assert inside == "README.md build companion pyproject.toml setup.py x.egg-info"
     assert list(temporary.iterdir()) == []
     assert files(checkout) == before
     assert [path for path in checkout.rglob("*") if path.name in ("build", "x.egg-info")] == []

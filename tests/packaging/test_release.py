@@ -1,10 +1,13 @@
 """What a release consists of: notes, checksums, a bill of materials, and a wheel that lacks nothing."""
 
+import configparser
 import hashlib
 import json
 import re
+import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -39,6 +42,58 @@ def test_a_file_that_a_wheel_lacks_is_named():
     tracked = ["companion/a.py", "companion/ui/page.css", "companion/kernels/ruff.toml", "docs/README.md"]
     assert release.left_out(tracked, ["companion/a.py", "x.dist-info/RECORD"]) == ["companion/ui/page.css"]
     assert release.left_out(tracked, ["companion/a.py", "companion/ui/page.css"]) == []
+    assert release.left_out(["sim/a.py", "sim/b.py"], ["companion_sim/a.py", "sim/b.py"]) == ["sim/b.py"]
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory):
+    """The tracked files that an installation needs, as they are in the work tree."""
+    made = tmp_path_factory.mktemp("tree")
+    listed = subprocess.run(
+        ["git", "ls-files", "companion", "sim", "pyproject.toml", "setup.py", "README.md"],
+        cwd=ROOT, check=True, capture_output=True, text=True,
+    ).stdout.split()  # fmt: skip
+    for name in listed:
+        (made / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, made / name)
+    return made
+
+
+def commands(wheel):
+    """The commands that a wheel adds to the program, by name."""
+    with zipfile.ZipFile(wheel) as packed:
+        (name,) = (name for name in packed.namelist() if name.endswith("/entry_points.txt"))
+        read = configparser.ConfigParser()
+        read.read_string(packed.read(name).decode())
+    return dict(read["companion.commands"])
+
+
+def test_a_wheel_installs_the_simulator_under_a_name_of_its_own(tree, tmp_path):
+    wheel = release.built("wheel", tree, tmp_path)
+    with zipfile.ZipFile(wheel) as packed:
+        names = packed.namelist()
+    assert {name.partition("/")[0] for name in names if ".dist-info/" not in name} == {
+        "companion",
+        "companion_sim",
+    }
+    assert release.strangers(names) == []
+    assert release.strangers([*names, "sim/__init__.py"]) == ["sim"]
+    assert "companion_sim/vehicle/aircraft/small_uav/small_uav.xml" in names
+    assert {place.partition(".")[0] for place in commands(wheel).values()} == {"companion_sim"}
+
+
+def test_an_editable_installation_names_the_simulator_as_the_checkout_does(tree, tmp_path):
+    """An installer may prepare the metadata first, and then they are those of a wheel."""
+    subprocess.run(
+        [sys.executable, "-c",
+         "import sys; from setuptools import build_meta as build; place = sys.argv[1];"
+         "prepared = build.prepare_metadata_for_build_editable(place);"
+         "build.build_editable(place, None, f'{place}/{prepared}')",
+         tmp_path],
+        cwd=tree, check=True, capture_output=True,
+    )  # fmt: skip
+    (wheel,) = tmp_path.glob("*.whl")
+    assert {place.partition(".")[0] for place in commands(wheel).values()} == {"sim"}
 
 
 def test_checksums_are_read_by_the_program_for_them(tmp_path):

@@ -5,10 +5,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-from companion.planning.plugins import installed_planners
+from companion.planning.plugins import foreign_code, installed_planners, installed_threats
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "example-planner"
-GROUP = "safe_rrt_companion.planners"
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 class Packages:
@@ -18,32 +17,34 @@ class Packages:
         self._folder = folder
         self._modules = set()
 
-    def install(self, distribution, entries, modules=None):
-        """Install a package, version 1.0: its planners' entry points, and the text of its modules."""
-        installed_planners._all_entries.cache_clear()
+    def install(self, distribution, entries, modules=None, group=installed_planners.GROUP):
+        """Install a package, version 1.0: its entry points of a group, and the text of its modules."""
+        foreign_code.entries_of.cache_clear()
         info = self._folder / f"{distribution.replace('-', '_')}-1.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(
             f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.0\n", encoding="utf-8"
         )
         told = "".join(f"{name} = {place}\n" for name, place in entries.items())
-        (info / "entry_points.txt").write_text(f"[{GROUP}]\n{told}", encoding="utf-8")
+        (info / "entry_points.txt").write_text(f"[{group}]\n{told}", encoding="utf-8")
         for name, text in (modules or {}).items():
             self._modules.add(name)
             (self._folder / f"{name}.py").write_text(text, encoding="utf-8")
 
-    def install_example(self):
-        """Install the package of docs/example-planner; returns its entry points."""
-        project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-        (module,) = EXAMPLE.glob("*.py")
+    def install_example(self, folder="example-planner"):
+        """Install a package of docs; returns its entry points."""
+        project = tomllib.loads((DOCS / folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        (module,) = (DOCS / folder).glob("*.py")
         self._modules.add(module.stem)
         shutil.copy(module, self._folder)
-        self.install(project["name"], project["entry-points"][GROUP])
-        return project["entry-points"][GROUP]
+        ((group, entries),) = project["entry-points"].items()
+        self.install(project["name"], entries, group=group)
+        return entries
 
     def forget(self):
         """Unload what was loaded."""
         for name in self._modules:
             sys.modules.pop(name, None)
-        installed_planners._all_entries.cache_clear()
+        foreign_code.entries_of.cache_clear()
+        installed_threats._log_once.cache_clear()
         installed_planners.installed_planner.cache_clear()

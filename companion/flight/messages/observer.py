@@ -12,6 +12,9 @@ class Observer:
     def progress(self) -> None:
         """Note a round of the planning loop, or progress of an exchange with the autopilot."""
 
+    def received(self) -> None:
+        """Note the first message of an autopilot."""
+
     def planned(self, plan: Plan, plan_ms: float) -> None:
         """Note a finished plan and its computing time [ms]."""
 

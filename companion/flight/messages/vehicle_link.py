@@ -130,6 +130,7 @@ class VehicleLink:
             if self.streams.settings != settings:
                 self._take(SettingsReported(now_s, self.streams.settings), now_s)
         if self.has_received and not had_received:
+            self._observer.received()
             self.send(self.streams.due(self.codec, now_s))
 
     def send(self, data: bytes) -> None:

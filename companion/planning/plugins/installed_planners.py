@@ -6,34 +6,16 @@ import functools
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
 from typing import cast
 
 from companion.errors import PlannerError
-from companion.frames import FloatArray
 from companion.planning.comparators import ANYTIME_METHODS, FLOWN_METHODS, METHODS
+from companion.planning.plugins.foreign_code import blamed, entries_of, named, origin_of, the_entry
 from companion.planning.plugins.planner_protocol import PathPlanner
 from companion.planning.problem import Problem
 
 GROUP = "safe_rrt_companion.planners"
 BUILT_IN = frozenset({*METHODS, *FLOWN_METHODS, *ANYTIME_METHODS})
-
-# What the code of another package raises while it is imported or called, short of errors of its own making:
-# those, and whatever ends a process, are not ours to interpret.
-FOREIGN_FAULTS = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    ImportError,
-    LookupError,
-    MemoryError,
-    NameError,
-    OSError,
-    RuntimeError,
-    SyntaxError,
-    TypeError,
-    ValueError,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +41,8 @@ class InstalledPlanner:
         PlannerError
             If the planner fails.
         """
-        try:
-            found: FloatArray | None = self.planner(problem, should_stop)
-        except FOREIGN_FAULTS as fault:
-            raise PlannerError(self.origin, _told(fault), "a path or None") from fault
-        return found
+        with blamed(self.origin, "a path or None", PlannerError):
+            return self.planner(problem, should_stop)
 
 
 def method_fault(name: str, besides: Sequence[str] = ()) -> str:
@@ -80,7 +59,7 @@ def method_fault(name: str, besides: Sequence[str] = ()) -> str:
     """
     if name in METHODS or name in besides:
         return ""
-    if name in BUILT_IN or not _entries(name):
+    if name in BUILT_IN or not named(GROUP, name):
         return "one of " + ", ".join([*sorted(METHODS), *besides, *installed_names()])
     try:
         installed_planner(name)
@@ -91,7 +70,7 @@ def method_fault(name: str, besides: Sequence[str] = ()) -> str:
 
 def installed_names() -> list[str]:
     """Return the names of other packages' planners, sorted. A name of ours is never theirs."""
-    return sorted({entry.name for entry in _all_entries()} - BUILT_IN)
+    return sorted({entry.name for entry in entries_of(GROUP)} - BUILT_IN)
 
 
 @functools.cache
@@ -104,44 +83,17 @@ def installed_planner(name: str) -> InstalledPlanner:
         If no package, or more than one, has a planner of this name; if it cannot be imported, or is not
         called with a problem and a stopping rule.
     """
-    entries = [] if name in BUILT_IN else _entries(name)
-    if len(entries) != 1:
-        origins = "; ".join(map(_origin, entries)) or f"'{name}'"
-        raise PlannerError(origins, f"{len(entries)} planners of one name", "one of each name")
-    (entry,) = entries
-    origin = _origin(entry)
-    try:
+    if name in BUILT_IN:
+        raise PlannerError(f"'{name}'", "0 planners of one name", "one of each name")
+    entry = the_entry(GROUP, name, PlannerError)
+    origin = origin_of(entry)
+    with blamed(origin, "a module that can be imported, with this name", PlannerError):
         loaded = entry.load()
         planner = loaded() if isinstance(loaded, type) else loaded
-    except FOREIGN_FAULTS as fault:
-        raise PlannerError(origin, _told(fault), "a module that can be imported, with this name") from fault
     if not _takes_two_arguments(planner):
         found = f"{type(planner).__name__} {getattr(planner, '__name__', '')}".rstrip()
         raise PlannerError(origin, found, "what can be called with (problem, should_stop)")
     return InstalledPlanner(cast("PathPlanner", planner), origin)
-
-
-@functools.cache
-def _all_entries() -> tuple[EntryPoint, ...]:
-    """Return the entry points of all packages, read once: looking through what is installed takes 10 ms."""
-    return tuple(entry_points(group=GROUP))
-
-
-def _entries(name: str) -> list[EntryPoint]:
-    """Return the entry points of a name."""
-    return [entry for entry in _all_entries() if entry.name == name]
-
-
-def _origin(entry: EntryPoint) -> str:
-    """Return the distribution of an entry point, and the entry point."""
-    source = "no distribution" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
-    return f"'{entry.name}' of {source} ({entry.value})"
-
-
-def _told(fault: BaseException) -> str:
-    """Return the kind and the first line of a foreign fault."""
-    lines = str(fault).splitlines()
-    return f"{type(fault).__name__}: {lines[0]}" if lines else type(fault).__name__
 
 
 def _takes_two_arguments(planner: object) -> bool:

@@ -22,6 +22,7 @@ from companion.config.source import Document, KeyPath, parse
 from companion.errors import ConfigError
 from companion.planning.comparators import ANYTIME_METHODS, FLOWN_METHODS, METHODS
 from companion.planning.plugins.installed_planners import installed_planner, method_fault
+from companion.planning.plugins.installed_threats import sight_origin
 from companion.research.campaign.flown_methods import (
     ENCOUNTER,
     FAULTS,
@@ -154,6 +155,7 @@ class Campaign:
             "missions": [[name, self.digest(name)] for name in self.texts],
             "settings": [[name, overlay] for name, overlay in self.config.settings.items()],
             "planners": self._foreign_planners(),
+            "threat_models": self._foreign_threat_models(),
         }
         return told | {key: entries for key, entries in lists.items() if entries}
 
@@ -161,6 +163,12 @@ class Campaign:
         """Return methods that are other packages' planners, each with its package and version."""
         own = {*METHODS, *FLOWN_METHODS, *ANYTIME_METHODS}
         return [[name, installed_planner(name).origin] for name in self.config.methods if name not in own]
+
+    def _foreign_threat_models(self) -> list[list[str]]:
+        """Return models of radars in the missions, each with its package and version."""
+        missions = itertools.starmap(self.mission, itertools.product(self.texts, self.config.settings))
+        names = {radar.model for mission in missions for radar in mission.radars} - {""}
+        return [[name, sight_origin(name)] for name in sorted(names)]
 
 
 def load_campaign(path: Path) -> Campaign:

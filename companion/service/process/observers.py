@@ -53,6 +53,10 @@ class Observers(Observer):
         """Forward progress to the supervision."""
         self._supervision.progress()
 
+    def received(self) -> None:
+        """Let the supervision report that the service is ready, if it is."""
+        self._supervision.note_ready()
+
     def planned(self, plan: Plan, plan_ms: float) -> None:
         """Forward a plan to telemetry and metrics."""
         if self._reporter is not None:

@@ -197,6 +197,7 @@ class Service:
         await in_thread(make_ready, _log_progress)
         self._is_warm = True
         self.app.warmed_up()
+        self._supervision.note_ready()
         _log.info("ready to plan")
 
     def reload(self) -> None:

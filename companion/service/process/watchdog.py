@@ -7,7 +7,8 @@ then restarts the process while the autopilot flies on. Without anything to plan
 
 Before the service is ready, each iteration asks for more time for the start, since kernels may have to be
 compiled, and the autopilot may have no power yet. Compiling has a time limit; waiting for the autopilot has
-none.
+none. Readiness is reported as soon as it is reached, not in the next iteration. The manager begins to
+supervise then, so that this report cannot hide a planning loop that hangs.
 """
 
 from __future__ import annotations
@@ -107,15 +108,21 @@ class Supervision:
         """Record an iteration of the planning loop."""
         now = self._clock.now_s()
         self.progress_s = now
-        if self._is_leaving:
-            return
+        if now - self._notified_s < self._notify_interval_s:
+            self.note_ready()  # It is reported before the next plan.
+        elif not self._is_leaving:
+            self._tell(self._report(), now)
+
+    def note_ready(self) -> None:
+        """Report that the service has become ready, if it has."""
         report = self._report()
-        has_become_ready = not self.is_ready and report.is_ready  # It is reported before the next plan.
-        if now - self._notified_s < self._notify_interval_s and not has_become_ready:
-            return
+        if report.is_ready and not self.is_ready and not self._is_leaving:
+            self._tell(report, self._clock.now_s())
+
+    def _tell(self, report: Report, now: float) -> None:
         self._notified_s = now
         words: dict[str, str | int] = {}
-        if has_become_ready:
+        if report.is_ready and not self.is_ready:
             self.is_ready = True
             words["READY"] = 1
         if self.is_ready:

@@ -12,18 +12,18 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.autopilot.arduplane.arduplane_runner import MissionRunner, MissionState
-from sim.autopilot.arduplane.arduplane_store import MissionStore
-from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer, item_from_message
-from sim.autopilot.arduplane.return_leg import closest_leg
-from sim.autopilot.autopilot_parameters import Parameters
-from sim.autopilot.base import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandRequest
-from sim.autopilot.channel import Channel, Message
-from sim.autopilot.mission_pilot import MissionPilot
-from sim.autopilot.telemetry import Home, Target
-from sim.mission_types import MissionKind, Verdict
-from sim.projection import FastProjection
-from sim.vehicle.control import Circle, Flight, Leg, Level
+from ...mission_types import MissionKind, Verdict
+from ...projection import FastProjection
+from ...vehicle.control import Circle, Flight, Leg, Level
+from ..autopilot_parameters import Parameters
+from ..base import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandRequest
+from ..channel import Channel, Message
+from ..mission_pilot import MissionPilot
+from ..telemetry import Home, Target
+from .arduplane_runner import MissionRunner, MissionState
+from .arduplane_store import MissionStore
+from .arduplane_transfer import MissionTransfer, item_from_message
+from .return_leg import closest_leg
 
 MODES = {
     "MANUAL": 0,

@@ -10,8 +10,8 @@ from enum import IntEnum
 from typing import Protocol
 
 from companion.types.mission import Command, MissionItem
-from sim.autopilot.arduplane.arduplane_store import MissionStore
-from sim.mission_types import is_navigation
+from ...mission_types import is_navigation
+from .arduplane_store import MissionStore
 
 _FOR_EVER = -1
 

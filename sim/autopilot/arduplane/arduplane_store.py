@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.mission_types import MissionKind, Verdict, is_navigation
+from ...mission_types import MissionKind, Verdict, is_navigation
 
 MAX_ITEMS = 655
 _ALTITUDE_MAX_M = 83_000.0

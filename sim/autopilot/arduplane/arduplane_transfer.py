@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import MissionItem
-from sim.autopilot.arduplane.arduplane_store import MAX_ITEMS, MissionStore
-from sim.autopilot.channel import Channel, Message
-from sim.mission_types import MissionKind, Verdict
+from ...mission_types import MissionKind, Verdict
+from ..channel import Channel, Message
+from .arduplane_store import MAX_ITEMS, MissionStore
 
 _ITEM_PERIOD_US = 20_000
 _REPEAT_US = 1_000_000

@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from companion.types.mission import Command, MissionItem
-from sim.autopilot.telemetry import Target
-from sim.mission_types import is_navigation
+from ...mission_types import is_navigation
+from ..telemetry import Target
 
 _SEARCHED_MAX = 1_000  # Items that are looked at, over all return paths.
 _JUMPS_MAX = 64

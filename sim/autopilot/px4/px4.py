@@ -13,18 +13,18 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.autopilot.arduplane.arduplane_runner import MissionState
-from sim.autopilot.autopilot_parameters import Parameters
-from sim.autopilot.base import ACCEPTED, DENIED, FAILED, CommandRequest
-from sim.autopilot.channel import Channel, Extended, Message
-from sim.autopilot.mission_pilot import MissionPilot
-from sim.autopilot.px4.px4_runner import Px4Runner
-from sim.autopilot.px4.px4_store import StoredList, stored, why_infeasible
-from sim.autopilot.px4.px4_transfer import Px4Transfer
-from sim.autopilot.telemetry import Home, Target
-from sim.mission_types import MissionKind
-from sim.projection import FastProjection
-from sim.vehicle.control import Flight, Leg, Level
+from ...mission_types import MissionKind
+from ...projection import FastProjection
+from ...vehicle.control import Flight, Leg, Level
+from ..arduplane.arduplane_runner import MissionState
+from ..autopilot_parameters import Parameters
+from ..base import ACCEPTED, DENIED, FAILED, CommandRequest
+from ..channel import Channel, Extended, Message
+from ..mission_pilot import MissionPilot
+from ..telemetry import Home, Target
+from .px4_runner import Px4Runner
+from .px4_store import StoredList, stored, why_infeasible
+from .px4_transfer import Px4Transfer
 
 _AUTO = 4
 _RALLY_FRAMES = (MavFrame.GLOBAL, MavFrame.GLOBAL_RELATIVE_ALT)

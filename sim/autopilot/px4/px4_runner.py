@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from companion.types.mission import Command, MissionItem
-from sim.mission_types import is_navigation
+from ...mission_types import is_navigation
 
 _FOR_EVER = -1
 

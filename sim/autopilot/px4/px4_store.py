@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.mission_types import MissionKind, Verdict
-from sim.projection import FastProjection
+from ...mission_types import MissionKind, Verdict
+from ...projection import FastProjection
 
 MAX_ITEMS = 10_000
 _POLYNOMIAL = 0xEDB88320

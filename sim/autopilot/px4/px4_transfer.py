@@ -24,10 +24,10 @@ from typing import Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.types.mission import MissionItem
-from sim.autopilot.arduplane.arduplane_transfer import item_from_message
-from sim.autopilot.channel import Channel, Extended, Message
-from sim.autopilot.px4.px4_store import MAX_ITEMS, StoredList, read_back, stored, verdict_on
-from sim.mission_types import MissionKind, Verdict
+from ...mission_types import MissionKind, Verdict
+from ..arduplane.arduplane_transfer import item_from_message
+from ..channel import Channel, Extended, Message
+from .px4_store import MAX_ITEMS, StoredList, read_back, stored, verdict_on
 
 _REPEAT_US = 250_000
 _TIMEOUT_US = 5_000_000

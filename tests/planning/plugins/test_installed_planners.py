@@ -7,7 +7,7 @@ import pytest
 from companion.config import mission_from_text
 from companion.errors import ConfigError, PlannerError
 from companion.planning.comparators import ANYTIME_METHODS, FLOWN_METHODS, METHODS
-from companion.planning.plugins import installed_planners
+from companion.planning.plugins import foreign_code
 from companion.planning.plugins.installed_planners import (
     BUILT_IN,
     installed_names,
@@ -89,10 +89,11 @@ def test_no_name_of_ours_is_taken(packages, name):
 
 
 def test_names_of_ours_are_known_without_a_look_at_other_packages(monkeypatch):
-    def look():
+    def look(group):
         raise AssertionError("other packages were looked at")
 
-    monkeypatch.setattr(installed_planners, "_all_entries", look)
+    monkeypatch.setattr(foreign_code, "entry_points", look)
+    foreign_code.entries_of.cache_clear()
     for name in METHODS:
         assert method_fault(name) == ""
         mission_from_text(FIRST_FLIGHT.replace("planning:", f"planning:\n  method: {name}"), "m.yaml")

@@ -114,6 +114,19 @@ def test_a_planner_that_fails_is_an_error_offline_and_no_path_in_flight(packages
     assert "failing 1.0" in plan.notes[0]
 
 
+OWN = "class Own(Exception):\n    pass\n\n\n" + HEAD.split("\n\n\n", 1)[1]
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"), [("Own('of mine')", "Own: of mine"), ("SystemExit(7)", "SystemExit: 7")]
+)
+def test_no_error_of_a_planner_leaves_it_as_it_is(packages, fault, told):
+    packages.install("failing", {"failing": "failing:find"}, {"failing": f"{OWN}    raise {fault}\n"})
+    plan = solve_in_flight(problem(method="failing"), lambda: False)
+    assert (plan.status, plan.path) == (PlanStatus.APPROXIMATE, None)
+    assert f"failing 1.0 (failing:find): got {told}; expected a path or None" in plan.notes[0]
+
+
 def test_a_planner_that_finds_nothing_says_so(packages):
     packages.install("finder", {"finds-nothing": "finder:find"}, {"finder": HEAD + "    return None\n"})
     plan = solve(problem(method="finds-nothing"))

@@ -53,6 +53,45 @@ def test_it_asks_for_time_while_it_compiles_and_while_the_autopilot_has_no_power
     assert told.words[-2] == {"READY": 1, "WATCHDOG": 1, "STATUS": str(READY)}
 
 
+def test_ready_is_told_when_it_is_true_and_once_and_feeds_no_watchdog():
+    told, clock, now, supervision = supervised()
+    rounds(clock, supervision, 100.5)
+    supervision.note_ready()
+    assert not any("READY" in words for words in told.words)
+    now[0] = READY
+    clock.advance_to(clock.now_s() + 0.01)
+    supervision.note_ready()
+    assert told.words[-1] == {"READY": 1, "WATCHDOG": 1, "STATUS": str(READY)}
+    before, progress_s = len(told.words), supervision.progress_s
+    for _ in range(100):
+        clock.advance_to(clock.now_s() + 1.0)
+        supervision.note_ready()
+    assert len(told.words) == before
+    assert supervision.progress_s == progress_s
+    assert supervision.is_stalled
+
+
+def test_a_service_that_stops_is_not_ready_any_more():
+    told, _, now, supervision = supervised()
+    supervision.leave()
+    now[0] = READY
+    supervision.note_ready()
+    supervision.progress()
+    assert told.keys() == ["STOPPING"]
+
+
+@pytest.mark.parametrize("dialect", list(Dialect))
+def test_the_autopilot_is_noted_when_it_is_received_first(dialect):
+    noted = []
+
+    def on_step(harness):
+        link = harness.app.link
+        link._observer.received = lambda: noted.append(link.has_received)
+
+    SitlHarness(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"), dialect=dialect).fly(5.0, on_step)
+    assert noted == [True]
+
+
 def test_compiling_for_ever_is_no_progress():
     told, clock, _, supervision = supervised()
     rounds(clock, supervision, 100.0 + WARM_UP_MAX_S + 100.0)

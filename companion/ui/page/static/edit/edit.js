@@ -60,9 +60,11 @@ class Editor {
     const path = this.selected ? JSON.stringify(this.selected.path) : null;
     this.elements = state.elements.map((one) => ({ ...one, faults: faultsOf(state, one.path) }));
     const bounds = state.sections.bounds;
-    this.sections = Object.entries(state.sections).map(([kind, values]) => {
+    const absent = state.absent.map((kind) => [kind, {}]); // A number by hand makes such a section.
+    this.sections = [...Object.entries(state.sections), ...absent].map(([kind, values]) => {
       const path = kind ? kind.split(".") : [];
-      return { path, kind, name: kind || "the file itself", values, faults: faultsOf(state, path, !kind), isSection: true };
+      const isAbsent = state.absent.includes(kind);
+      return { path, kind, name: kind || "the file itself", values, faults: faultsOf(state, path, !kind), isSection: true, isAbsent };
     });
     const own = this.sections.find((one) => one.kind === "bounds");
     if (own && state.bounds_m) own.box_m = state.bounds_m.slice(0, 4);
@@ -135,7 +137,8 @@ class Editor {
     const none = document.createElement("option");
     none.value = "";
     none.textContent = "nothing";
-    const groups = [["Elements", this.elements], ["Sections", this.sections]].map(([label, entries]) => {
+    const [absent, sections] = [true, false].map((isAbsent) => this.sections.filter((one) => one.isAbsent === isAbsent));
+    const groups = [["Elements", this.elements], ["Sections", sections], ["Not in the file yet", absent]].map(([label, entries]) => {
       const group = document.createElement("optgroup");
       group.label = label;
       group.append(...entries.filter((one) => one.isSection !== true || one.kind !== "start").map(option));
@@ -143,7 +146,7 @@ class Editor {
     });
     list.replaceChildren(none, ...groups);
     list.value = this.selected ? JSON.stringify(this.selected.path) : "";
-    find("remove").disabled = !this.selected || this.selected.isSection || this.selected.kind === "start";
+    find("remove").disabled = !this.canRemove(this.selected);
     const mates = this.elements.filter((one) => one.kind === this.selected?.kind && one.path.length > 1);
     find("earlier").hidden = find("later").hidden = this.selected?.kind !== "goals" || mates.length < 2;
     find("earlier").disabled = mates[0] === this.selected;
@@ -260,9 +263,14 @@ class Editor {
     this.change([{ do: "move", path, value: way }]);
   }
 
+  canRemove(one) {
+    if (one?.isSection) return !one.isAbsent && this.state.optional.includes(one.kind);
+    return Boolean(one) && one.kind !== "start";
+  }
+
   remove() {
     const one = this.selected;
-    if (!one || one.isSection || one.kind === "start") return;
+    if (!this.canRemove(one)) return;
     const isCorner = this.corner !== null && one[this.cornerKey]?.[this.corner];
     const path = isCorner ? [...one.path, this.cornerKey, this.corner] : one.path;
     if (!isCorner) this.select(null);
