@@ -31,7 +31,7 @@ from companion.frames import LocalFrame
 from companion.team.pacing import Pacing
 from companion.team.peer import Peer, Proposal
 from companion.team.plan_parts import PlanParts
-from companion.team.separation import margin_between
+from companion.team.separation import are_far_apart, margin_between
 from companion.team.shared_plan import SharedPlan
 from companion.team.team_settings import TeamSettings
 from companion.team.wire import (
@@ -81,7 +81,7 @@ class Agreement:
         Number of the first plan. After a restart it has to be newer than any number used before.
     margin : callable, optional
         Least margin of two plans from an instant on, negative if they conflict [m]; by default
-        :func:`margin_between` with the distances of the settings.
+        :func:`margin_between` with the distances of the settings, and infinity for plans that are never near.
     commits_itself : bool
         Whether a proposal is committed as soon as everybody has approved it. Otherwise its owner calls
         :meth:`commit` once it is flown; until then both plans are kept clear of.
@@ -331,7 +331,8 @@ class Agreement:
             payloads += plan_payloads(self._standing, self._proposal.plan, self._frame)
         if self._committed is not None and self._pacing.takes_repetition(now_s):
             payloads += plan_payloads(self._standing, self._committed, self._frame)
-        self._pacing.spend(payloads)
+        if payloads:
+            self._pacing.spend(payloads)
         return payloads
 
     def _report(self, now_s: float) -> list[bytes]:
@@ -459,4 +460,6 @@ class Agreement:
         return before_m >= 0.0 or margin_m < before_m - WORSE_M
 
     def _least_margin(self, one: SharedPlan, other: SharedPlan, since_s: float) -> float:
+        if are_far_apart(one, other, self._settings):
+            return math.inf
         return margin_between(one, other, self._settings, since_s)
