@@ -13,6 +13,7 @@ from companion.config.sections.terrain_section import TerrainConfig
 from companion.config.source import KeyPath
 from companion.kernels.arrays import Ground
 from companion.planning.plugins.installed_planners import method_fault
+from companion.team.wire import SHARED_GOALS_MAX
 from companion.world.ground.cell_lookup import cell_at
 from companion.world.vehicle.energy import level_power_range
 
@@ -70,6 +71,14 @@ def _team(config: MissionConfig) -> Iterator[Finding]:
     for index, member in enumerate(members):
         if member in members[:index]:
             yield ("team", "members", index), "each member once"
+    if not config.shares_goals:
+        return
+    if not 1 <= len(config.goals) <= SHARED_GOALS_MAX:
+        yield ("team", "share_goals"), f"1 to {SHARED_GOALS_MAX} goals in the mission file"
+    places = [(goal.east_m, goal.north_m, goal.up_m) for goal in config.goals]
+    for index, place in enumerate(places):
+        if place in places[:index]:
+            yield ("goals", index), "each shared goal once"
 
 
 def _glide(config: MissionConfig) -> Iterator[Finding]:

@@ -433,6 +433,11 @@ class MissionConfig(Section):
         """Whether the goals are the operator's waypoints in the autopilot."""
         return not self.goals
 
+    @property
+    def shares_goals(self) -> bool:
+        """Whether the goals are divided among the members of a team."""
+        return self.team is not None and self.team.share_goals
+
     @cached_property
     def frame(self) -> LocalFrame:
         """Local frame of east, north, up about the origin."""

@@ -24,6 +24,7 @@ list laid out again         :func:`after_list_adopted`
 takeover                    :func:`after_takeover`
 mission entered             :func:`after_swap`
 own position                :func:`after_position`
+goals won in a team         :func:`companion.flight.state.team_part.after_auction`
 ==========================  =============================================================
 """
 
@@ -88,11 +89,13 @@ class FlightState:
     goals : tuple of GoalRegion
         The goals in their order: the mission file's, or the operator's waypoints.
     actions : tuple of tuple of MissionItem
-        The operator's DO_ items to carry out at each goal.
+        The operator's DO_ items at each goal.
     goal_items : tuple of int
         Sequences of the operator's items that are the goals; empty if the mission file has goals.
     next_goal : int
         Index of the first goal that is not reached.
+    is_on_call : bool
+        Whether other members of the team have goals left that this one may win.
     flown : FlownPath or None
         The flown path of the service.
     tail_enu_m : tuple of float, or None
@@ -132,6 +135,7 @@ class FlightState:
     actions: tuple[tuple[MissionItem, ...], ...] = ()
     goal_items: tuple[int, ...] = ()
     next_goal: int = 0
+    is_on_call: bool = False
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
@@ -166,8 +170,9 @@ class FlightState:
 
     @property
     def has_arrived(self) -> bool:
-        """Whether the last goal was reached."""
-        return bool(self.goals) and self.next_goal == len(self.goals)
+        """Whether the last goal was reached, and the team has none left for this member."""
+        may_arrive = bool(self.goals) or self.mission.shares_goals
+        return may_arrive and not self.goals_left and not self.is_on_call
 
     @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
@@ -215,7 +220,7 @@ class FlightState:
 
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
         """Return the violations of a path that should reach the last goal."""
-        return self.violations_to(self.goals[-1], path)
+        return self.violations_to(self.goals[-1] if self.goals else None, path)
 
     def keeps_limits(self, path: Path) -> tuple[bool, bool]:
         """Return whether a path to the last goal keeps all limits, and all but threat and quality."""
@@ -294,8 +299,8 @@ def first_state(mission: MissionConfig, now_s: float) -> FlightState:
     now_s : float
         The clock's reading [s].
     """
-    rules = rules_of(mission)
-    return FlightState(rules=rules, phase=FlightPhase(now_s), goals=rules.goals)
+    rules, shared = rules_of(mission), mission.shares_goals
+    return FlightState(rules, FlightPhase(now_s), goals=() if shared else rules.goals, is_on_call=shared)
 
 
 def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
@@ -399,7 +404,7 @@ def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """Return the state with another mission file; a changed list of goals begins at its first."""
     rules = rules_of(mission, state.rules.fences, state.settings)
     goals, next_goal = state.goals, state.next_goal
-    if not mission.goals_from_autopilot and rules.goals != goals:
+    if not (mission.goals_from_autopilot or mission.shares_goals) and rules.goals != goals:
         goals, next_goal = rules.goals, 0
     is_other = mission.goals != state.mission.goals
     return replace(
@@ -481,14 +486,12 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
     next_goal, flown = state.next_goal, state.flown
     while next_goal < len(state.goals):
         goal = state.goals[next_goal]
-        away = np.linalg.norm(np.subtract(goal.position_enu_m, ownship.position_enu_m))
-        if away > goal.acceptance_radius_m:
+        if math.dist(goal.position_enu_m, ownship.position_enu_m) > goal.acceptance_radius_m:
             break
         next_goal += 1
     if flown is not None:
-        flown = replace(
-            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
-        )
+        row = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
+        flown = replace(flown, row=row)
     return replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
 
 
