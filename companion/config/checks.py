@@ -67,7 +67,7 @@ def _energy(config: MissionConfig) -> Iterator[Finding]:
 
 
 def _team(config: MissionConfig) -> Iterator[Finding]:
-    members = () if config.team is None else config.team.members
+    members = config.team_members
     for index, member in enumerate(members):
         if member in members[:index]:
             yield ("team", "members", index), "each member once"

@@ -53,6 +53,8 @@ class TeamFlight:
         Folder of the recordings, one for each member.
     shares : bool
         Whether they share their plans; otherwise each flies as if it were alone.
+    speed : float
+        Simulated seconds a second.
     gone_s : dict of int to float
         Members whose aircraft, autopilot, radio and service are gone from a time on [s].
 
@@ -74,6 +76,7 @@ class TeamFlight:
     dialect: Dialect = Dialect.ARDUPILOT
     folder: Path | None = None
     shares: bool = True
+    speed: float = math.inf
     gone_s: dict[int, float] = field(default_factory=dict)
     flights: list[Flight] = field(init=False)
     radio: Radio = field(init=False)
@@ -87,7 +90,8 @@ class TeamFlight:
         self.flights = [
             Flight(
                 mission if self.shares else mission.model_copy(update={"team": None}),
-                self.seed + 1000 * number, self._folder_of(number), self.dialect, system_id=number,
+                self.seed + 1000 * number, self._folder_of(number), self.dialect,
+                self.speed if number == 1 else math.inf, system_id=number,
             )
             for number, mission in enumerate(missions, 1)
         ]  # fmt: skip

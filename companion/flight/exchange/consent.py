@@ -24,6 +24,9 @@ class Team(Consent, Protocol):
     def keep_up(self) -> bool:
         """Send what is due; return whether other goals are flown from now on."""
 
+    def status(self) -> dict[str, object]:
+        """Return the members for pages."""
+
 
 class NobodyAsked:
     """A team without other members."""
@@ -47,3 +50,7 @@ class NobodyAsked:
     def keep_up(self) -> bool:
         """Return False: no goals are shared."""
         return False
+
+    def status(self) -> dict[str, object]:
+        """Return nothing: there are no members."""
+        return {}

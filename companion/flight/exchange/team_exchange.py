@@ -84,7 +84,8 @@ class TeamExchange:
         self._announced = AnnouncedPlan()
         self._is_asking = False
         self._lost = frozenset[int]()
-        self._sighted_s: dict[int, float] = {}  # UTC of the last own position of each member.
+        self._sighted_s: dict[int, float] = {}  # UTC of the last position of each member.
+        self._places: dict[int, tuple[float, float, float]] = {}  # Where each was then.
 
     @property
     def agreement(self) -> Agreement | None:
@@ -250,6 +251,35 @@ class TeamExchange:
             self._agreement.commit() if is_flown else self._agreement.withdraw()
         self._is_asking = False
 
+    def status(self) -> dict[str, object]:
+        """Return the members, where they are and what they told, for pages; nothing without a team.
+
+        Goals are numbered from 1 as in the mission file. A team that shares none has no list of flown ones.
+        """
+        agreement, utc_s = self._agreement, self._utc_s()
+        if agreement is None or utc_s is None:
+            return {}
+        lost, auction = agreement.members_lost(utc_s), agreement.auction
+        plans = {
+            plan.member: plan for plan in (*agreement.plans_to_clear()[::-1], agreement.committed) if plan
+        }
+        members = sorted({agreement.member, *self._flight.state.mission.team_members})
+        lists = {} if auction is None else auction.lists(frozenset(members) - lost)
+        rows = [
+            {
+                "system": member,
+                "is_own": member == agreement.member,
+                "is_lost": member in lost,
+                "place_enu_m": None if member in lost else self._places.get(member),
+                "plan_enu_m": _told_rows(plans.get(member)),
+                "circle_m": round(plans[member].radius_m, 1) if member in plans else 0.0,
+                "goals": [goal + 1 for goal in lists.get(member, ())],
+            }
+            for member in members
+        ]
+        flown = None if auction is None else [goal + 1 for goal in auction.flown]
+        return {"members": rows, "flown": flown}
+
     # --- where the others will be
 
     def with_members(self, tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
@@ -272,6 +302,7 @@ class TeamExchange:
         for member, track in sighted.items():
             agreement.observe(member, track.position_enu_m, track.stamp_s + ahead_s)
             self._sighted_s[member] = track.observed_s + ahead_s
+            self._places[member] = track.position_enu_m
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
         plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
@@ -290,6 +321,11 @@ class TeamExchange:
             if may_come_into(area, plan, reach_m, up_m)
         ]
         return tuple(sorted(others, key=lambda track: track.identity))
+
+
+def _told_rows(plan: SharedPlan | None) -> list[list[float]]:
+    """Return the places of a plan, each east, north, up [m]."""
+    return [] if plan is None else np.round(plan.rows[:, 1:], 1).tolist()
 
 
 def _listed(members: Iterable[int]) -> str:
