@@ -24,7 +24,7 @@ list laid out again         :func:`after_list_adopted`
 takeover                    :func:`after_takeover`
 mission entered             :func:`after_swap`
 own position                :func:`after_position`
-goals won in a team         :func:`companion.flight.state.team_part.after_auction`
+goals won in a team         :func:`after_auction`
 ==========================  =============================================================
 """
 
@@ -65,7 +65,6 @@ from companion.types.path import Path
 from companion.types.state import AutopilotSettings, Ownship
 from companion.types.threat import Obstacle, ThreatPicture
 
-WIND_SHARE_MAX = 0.6  # No plans are made in a wind above this share of the cruise airspeed.
 SEARCH_ROWS = 20  # The aircraft is searched in this many rows of the path ahead.
 # Plans reach goals within these shares of their acceptance radius: goals to pass, and the last goal.
 NARROWED_SHARE, NARROWED_LAST_SHARE = 0.6, 0.75
@@ -209,14 +208,6 @@ class FlightState:
     def turn_radius_m(self) -> float:
         """Radius of the tightest turn that can be flown on any course in the present wind [m]."""
         return self.rules.vehicle.turn_radius_in(math.hypot(*self.wind_enu_m_s))
-
-    @property
-    def wind_fault(self) -> str:
-        """Why the wind is too strong for planning, '' if it is not."""
-        wind = math.hypot(*self.wind_enu_m_s)
-        if wind <= WIND_SHARE_MAX * self.rules.vehicle.airspeed_cruise_m_s:
-            return ""
-        return f"wind of {wind:.0f} m/s, over {100.0 * WIND_SHARE_MAX:.0f} % of cruise"
 
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
         """Return the violations of a path that should reach the last goal."""
@@ -442,6 +433,13 @@ def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> F
         goal_items=tuple(goal.sequence for goal in goals),
         next_goal=0,
     )
+
+
+def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> FlightState:
+    """Return the state with the goals that this member has won; it waits until the team's are all flown."""
+    goals = (*state.goals[: state.next_goal], *(state.rules.goals[number] for number in won))
+    is_on_call = not is_over and (not goals or state.tail_enu_m is None)
+    return replace(state, goals=goals, is_on_call=is_on_call)
 
 
 def after_takeover(state: FlightState, sequence: int) -> FlightState:

@@ -1,9 +1,6 @@
-"""The part of one flight in a team: its agreement, and the goals that it has reached and won."""
+"""The part of one flight in a team: its agreement, and what it says of its goals."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -66,25 +63,3 @@ def reached_goals(state: FlightState) -> tuple[int, ...]:
     """Return the numbers of the mission file's goals that this member has reached, from 0."""
     listed = state.rules.goals
     return tuple(listed.index(goal) for goal in state.goals[: state.next_goal])
-
-
-def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> FlightState:
-    """Return the state with the goals that this member has won, behind those that it has reached.
-
-    A member without a goal waits as long as others have some. One whose operator's mission goes on behind the
-    goals does not wait.
-
-    Parameters
-    ----------
-    state : FlightState
-        The state.
-    won : sequence of int
-        Numbers of the mission file's goals in the order in which they are flown, from 0.
-    is_over : bool
-        Whether the team has flown all goals.
-    """
-    goals = (*state.goals[: state.next_goal], *(state.rules.goals[number] for number in won))
-    is_on_call = not is_over and (not goals or state.tail_enu_m is None)
-    if goals == state.goals and is_on_call is state.is_on_call:
-        return state
-    return replace(state, goals=goals, is_on_call=is_on_call)
