@@ -44,12 +44,13 @@ class Flier:
 class AuctionGame:
     """A team in which each member looks once a second, in an order that chance decides."""
 
-    def __init__(self, goals, starts, weather, seed, *, paces=None, kind=GoalAuction):
+    def __init__(self, goals, starts, weather, seed, *, paces=None, kind=GoalAuction, lost_s=LOST_S):
         self.goals, self.weather, self.rng = (
             np.array(goals, dtype=float),
             weather,
             np.random.default_rng(seed),
         )
+        self.lost_s = lost_s
         self.now_s, self.late = BEGIN_S, []
         paces = paces or [1.0] * len(starts)
         self.members = {
@@ -65,7 +66,7 @@ class AuctionGame:
     def counted(self, number):
         """The members that are not lost to one of them."""
         heard = self.members[number].heard_s
-        return {other for other, at_s in heard.items() if other == number or self.now_s - at_s < LOST_S}
+        return {other for other, at_s in heard.items() if other == number or self.now_s - at_s < self.lost_s}
 
     def lists(self):
         """What each living member believes of everybody that it counts."""
