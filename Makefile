@@ -151,6 +151,10 @@ energy: $(STAMP) ## fly N with a worn battery, with and without the section ener
 team-fast: $(STAMP) ## fly RUNS teams of AIRCRAFT (128) that share their plans, in fast time; FLAGS=--straight: that do not
 	$(BIN)/python -m sim.team --runs $(RUNS) --aircraft $(or $(AIRCRAFT),128) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
+.PHONY: team-goals
+team-goals: $(STAMP) ## fly N (50) teams of four that share goals, of which one is gone at a random moment; FLAGS=--px4
+	$(BIN)/python -m tests.team -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+
 reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
 	$(BIN)/python -m tests.proofs.pursuits
 

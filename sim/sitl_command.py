@@ -28,7 +28,9 @@ from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # Every command of companion loads this module, and most of them do not fly.
     from companion.config import MissionConfig
+    from companion.ui.page.live_page import LivePage
     from .sitl import Flight
+    from .team.team_flight import TeamFlight
 
 REFRESH_S = 1.0  # Simulated time between two updates of the live table.
 
@@ -77,7 +79,6 @@ def sitl(
     from companion.config import load_mission, require_goals
     from companion.recording.retention import folder_for
     from companion.ui.page.live_page import page_of
-    from companion.ui.page.playback_page import wait_for_interrupt
     from .sitl import Flight
 
     if not headless and importlib.util.find_spec("matplotlib") is None:
@@ -92,10 +93,12 @@ def sitl(
     folder = None if headless else folder_for(flights, config.name, datetime.now(UTC))
     logging.getLogger("companion.flight.tasks.app").setLevel(logging.WARNING)
     make_ready_with_bar(console)
+    pace = _pace(speed, has_page=page is not None)
     if aircraft > 1:
-        raise typer.Exit(_fly_team(config, aircraft, seed, folder, autopilot, json_file, console))
+        team = _team_of(config, aircraft, seed, autopilot, folder, pace)
+        raise typer.Exit(_fly_team(team, shown_on, json_file, console))
     flight = Flight(
-        config, seed, folder, autopilot, _pace(speed, has_page=page is not None),
+        config, seed, folder, autopilot, pace,
         mission_text=mission.read_text(encoding="utf-8-sig"),
     )  # fmt: skip
     if shown_on is not None:
@@ -122,26 +125,42 @@ def sitl(
     if folder is not None:
         _write_report(flight, folder, console)
     if shown_on is not None:
-        console.print(f"the flight is over; it stays on {shown_on.address} until Ctrl+C", markup=False)
-        wait_for_interrupt()
-        shown_on.close()
+        _keep_page(shown_on, console)
     if not flight.summary()["success"]:
         raise typer.Exit(EXIT_FAILED)
 
 
-def _fly_team(
-    config: MissionConfig, num: int, seed: int, folder: Path | None, autopilot: Dialect,
-    json_file: Path | None, console: Console,
-) -> int:  # fmt: skip
-    """Fly as many aircraft as a team; return the exit status."""
-    from .team.team_command import fly_and_show
+def _team_of(
+    config: MissionConfig, num: int, seed: int, autopilot: Dialect, folder: Path | None, pace: float
+) -> TeamFlight:
+    """Return the flight of as many aircraft as a team."""
     from .team.team_flight import TeamFlight
 
-    team = TeamFlight(config, num, seed, autopilot, folder)
+    return TeamFlight(config, num, seed, autopilot, folder, speed=pace)
+
+
+def _fly_team(team: TeamFlight, shown_on: LivePage | None, json_file: Path | None, console: Console) -> int:
+    """Fly a team, and show the first member's view of it on a page; return the exit status."""
+    from .team.team_command import fly_and_show
+
+    if shown_on is not None:
+        shown_on.follow(team.flights[0].recorder)
+        console.print(f"page: {shown_on.address}", markup=False)
     is_success = fly_and_show(team, console)
     if json_file is not None:
         write_json(json_file, team.summary())
+    if shown_on is not None:
+        _keep_page(shown_on, console)
     return 0 if is_success else EXIT_FAILED
+
+
+def _keep_page(shown_on: LivePage, console: Console) -> None:
+    """Leave the page open after the flight until somebody interrupts."""
+    from companion.ui.page.playback_page import wait_for_interrupt
+
+    console.print(f"the flight is over; it stays on {shown_on.address} until Ctrl+C", markup=False)
+    wait_for_interrupt()
+    shown_on.close()
 
 
 def _write_report(flight: Flight, folder: Path, console: Console) -> None:

@@ -16,6 +16,7 @@ from companion.errors import ThreatModelError
 from companion.kernels.arrays import Ground
 from companion.planning.plugins.installed_planners import method_fault
 from companion.planning.plugins.installed_threats import InstalledSight
+from companion.team.wire import SHARED_GOALS_MAX
 from companion.world.ground.cell_lookup import cell_at
 from companion.world.vehicle.energy import level_power_range
 
@@ -71,10 +72,18 @@ def _energy(config: MissionConfig) -> Iterator[Finding]:
 
 
 def _team(config: MissionConfig) -> Iterator[Finding]:
-    members = () if config.team is None else config.team.members
+    members = config.team_members
     for index, member in enumerate(members):
         if member in members[:index]:
             yield ("team", "members", index), "each member once"
+    if not config.shares_goals:
+        return
+    if not 1 <= len(config.goals) <= SHARED_GOALS_MAX:
+        yield ("team", "share_goals"), f"1 to {SHARED_GOALS_MAX} goals in the mission file"
+    places = [(goal.east_m, goal.north_m, goal.up_m) for goal in config.goals]
+    for index, place in enumerate(places):
+        if place in places[:index]:
+            yield ("goals", index), "each shared goal once"
 
 
 def _glide(config: MissionConfig) -> Iterator[Finding]:

@@ -449,6 +449,16 @@ class MissionConfig(Section):
         """Whether the goals are the operator's waypoints in the autopilot."""
         return not self.goals
 
+    @property
+    def team_members(self) -> tuple[int, ...]:
+        """System ids of the members of the team; nobody without one."""
+        return () if self.team is None else self.team.members
+
+    @property
+    def shares_goals(self) -> bool:
+        """Whether the goals are divided among the members of a team."""
+        return self.team is not None and self.team.share_goals
+
     @cached_property
     def frame(self) -> LocalFrame:
         """Local frame of east, north, up about the origin."""

@@ -20,6 +20,7 @@ FIXED = (
     "link",
     "dynamic_threats",
     "goals_from_autopilot",
+    "shares_goals",
     "planning.seed",
 )
 
@@ -84,10 +85,10 @@ def check_change(running: MissionConfig, mission: MissionConfig, file: str) -> N
     ConfigError
         For a change that needs a restart.
     """
-    for key in FIXED:
+    for key in (*FIXED, *(("goals",) if running.shares_goals else ())):
         before, after = _value(running, key), _value(mission, key)
         if before != after:
-            name = "goals" if key == "goals_from_autopilot" else key
+            name = {"goals_from_autopilot": "goals", "shares_goals": "team.share_goals"}.get(key, key)
             raise ConfigError(file, None, name, "a change", "what the service runs by; a restart takes it up")
 
 

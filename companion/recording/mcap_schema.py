@@ -175,7 +175,7 @@ CHANNELS = (
             "mode": TEXT, "autopilot_mode": TEXT, "is_heard": FLAG, "is_warm": FLAG, "is_armed": FLAG,
             "is_airborne": FLAG, "is_recording": FLAG, "is_in_trouble": FLAG, "emergency": TEXT,
             "goals": ROWS, "next_goal": WHOLE, "item": WHOLE, "num_items": WHOLE, "handback": TABLE,
-            "operator_enu_m": ROWS, "returns": TABLE,
+            "operator_enu_m": ROWS, "returns": TABLE, "team": TABLE,
         },
         {
             "goals": "rows of east, north, up, acceptance radius [m]",
@@ -183,6 +183,7 @@ CHANNELS = (
             "handback": "is_safe and text of handing back here and now, and the way flown then",
             "operator_enu_m": "the operator's items that have a place",
             "returns": "is_safe and text of a return to launch from here, and the way flown then",
+            "team": "members with what they told, and the flown goals of a team that shares its goals",
         },
     ),
 )  # fmt: skip

@@ -28,13 +28,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from companion.frames import LocalFrame
+from companion.team.goal_auction import GoalAuction
 from companion.team.pacing import Pacing
 from companion.team.peer import Peer, Proposal
 from companion.team.plan_parts import PlanParts
-from companion.team.separation import margin_between
+from companion.team.separation import are_far_apart, margin_between
 from companion.team.shared_plan import SharedPlan
 from companion.team.team_settings import TeamSettings
 from companion.team.wire import (
+    BidMessage,
     Fragment,
     PayloadError,
     Report,
@@ -81,10 +83,12 @@ class Agreement:
         Number of the first plan. After a restart it has to be newer than any number used before.
     margin : callable, optional
         Least margin of two plans from an instant on, negative if they conflict [m]; by default
-        :func:`margin_between` with the distances of the settings.
+        :func:`margin_between` with the distances of the settings, and infinity for plans that are never near.
     commits_itself : bool
         Whether a proposal is committed as soon as everybody has approved it. Otherwise its owner calls
         :meth:`commit` once it is flown; until then both plans are kept clear of.
+    auction : GoalAuction, optional
+        The member's part in the auction of goals, if the team shares its goals.
     """
 
     def __init__(
@@ -98,8 +102,10 @@ class Agreement:
         first_number: int = 1,
         margin: Margin | None = None,
         commits_itself: bool = True,
+        auction: GoalAuction | None = None,
     ) -> None:
         self.member = member
+        self.auction = auction
         self.counters: Counter[str] = Counter()
         self._members = tuple(sorted({*members, member}))
         self._frame, self._settings = frame, settings
@@ -264,6 +270,14 @@ class Agreement:
         """Withdraw what is proposed, if anything is."""
         self._end_proposal(Outcome.WITHDRAWN)
 
+    def forget(self, member: int) -> None:
+        """Keep clear of a lost member's plans no longer, until its committed plan is heard again."""
+        peer = self._peers[member]
+        if peer.committed is not None or peer.proposed is not None:
+            self._peers[member] = Peer(peer.standing)
+            self._missing = self._missing | {member}
+            self._owed = self._owed - {member}
+
     def observe(self, member: int, place_enu_m: tuple[float, float, float], time_s: float) -> None:
         """Compare a member's reported position with its plans.
 
@@ -311,6 +325,9 @@ class Agreement:
             self._take_standing(sender, message.standing, now_s)
         if isinstance(message, Fragment):
             self._take_fragment(sender, message, now_s)
+        elif isinstance(message, BidMessage):
+            if self.auction is not None:
+                self.auction.receive(sender, message.bid, now_s)
         elif self.member in message.concerned:
             self._take_report(sender, message, now_s)
 
@@ -324,14 +341,18 @@ class Agreement:
         """
         self._settle(now_s)
         payloads: list[bytes] = []
-        waits = bool(self._missing) or self._proposal is not None
+        is_missing = bool(self._missing) and not self._missing <= self.members_lost(now_s)
+        waits = is_missing or self._proposal is not None
         if self._pacing.takes_report(now_s, has_answers=bool(self._owed), waits=waits):
             payloads += self._report(now_s)
         if self._proposal is not None and self._pacing.takes_plan(now_s):
             payloads += plan_payloads(self._standing, self._proposal.plan, self._frame)
         if self._committed is not None and self._pacing.takes_repetition(now_s):
             payloads += plan_payloads(self._standing, self._committed, self._frame)
-        self._pacing.spend(payloads)
+        if self.auction is not None:
+            payloads += self.auction.payloads(self._standing, self._pacing, now_s)
+        if payloads:
+            self._pacing.spend(payloads)
         return payloads
 
     def _report(self, now_s: float) -> list[bytes]:
@@ -459,4 +480,6 @@ class Agreement:
         return before_m >= 0.0 or margin_m < before_m - WORSE_M
 
     def _least_margin(self, one: SharedPlan, other: SharedPlan, since_s: float) -> float:
+        if are_far_apart(one, other, self._settings):
+            return math.inf
         return margin_between(one, other, self._settings, since_s)

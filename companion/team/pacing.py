@@ -31,6 +31,7 @@ class Pacing:
         self._bucket = TokenBucket(rate, rate * BURST_S)
         self._reported_s = self._planned_s = self._repeated_s = -math.inf
         self._has_news = self._is_wanted = False
+        self._bid_s = -math.inf
 
     def note_proposal(self, now_s: float) -> None:
         """Send the new proposal at once, and ask who has not answered a while later."""
@@ -79,6 +80,23 @@ class Pacing:
         if not self._is_wanted or not is_late or not self._bucket.has_any(now_s):
             return False
         self._repeated_s, self._is_wanted = now_s, False
+        return True
+
+    def takes_bid(self, now_s: float, *, is_new: bool, is_recent: bool) -> bool:
+        """Return whether what is said of shared goals is sent now.
+
+        Parameters
+        ----------
+        now_s : float
+            UTC time [s].
+        is_new, is_recent : bool
+            True if it was not sent before, or only a few times.
+        """
+        settings = self._settings
+        each_s = settings.reply_s if is_new else settings.repeat_s if is_recent else settings.quiet_s
+        if now_s - self._bid_s < each_s or not self._bucket.has_any(now_s):
+            return False
+        self._bid_s = now_s
         return True
 
     def spend(self, payloads: Iterable[bytes]) -> None:

@@ -35,6 +35,27 @@ def margin_between(one: SharedPlan, other: SharedPlan, settings: TeamSettings, s
     )
 
 
+def are_far_apart(one: SharedPlan, other: SharedPlan, settings: TeamSettings) -> bool:
+    """Return whether the boxes about two plans alone show that the plans never conflict.
+
+    Parameters
+    ----------
+    one, other : SharedPlan
+        The plans.
+    settings : TeamSettings
+        Distances to be kept.
+    """
+    apart_m = settings.apart_m + one.tolerance_m + other.tolerance_m
+    apart_up_m = settings.apart_up_m + one.tolerance_up_m + other.tolerance_up_m
+    east, north, up, east_end, north_end, up_end = one.box_m
+    other_east, other_north, other_up, other_east_end, other_north_end, other_up_end = other.box_m
+    return (
+        max(other_east - east_end, east - other_east_end) > apart_m
+        or max(other_north - north_end, north - other_north_end) > apart_m
+        or max(other_up - up_end, up - other_up_end) > apart_up_m
+    )
+
+
 class PackedPlans:
     """Many plans laid out for a kernel, for one who compares many candidates with all of them.
 

@@ -42,6 +42,8 @@ class SharedPlan:
         Radius of the circle about the last place [m].
     discs_m : ndarray, shape (2,)
         Radii of the circles at the beginning and at the end [m].
+    box_m : tuple of float
+        Least east, north, up and greatest east, north, up of the path and its circles [m].
     tolerance_m, tolerance_up_m : float
         The member promises to stay this close to the plan, horizontally and vertically [m].
     is_emergency : bool
@@ -62,6 +64,7 @@ class SharedPlan:
     room: int = 255
     first_radius_m: float = 0.0
     discs_m: FloatArray = field(init=False, repr=False)
+    box_m: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         rows = np.array(self.rows, dtype=np.float64, order="C", ndmin=2)
@@ -73,6 +76,9 @@ class SharedPlan:
         for name, values in (("rows", rows), ("discs_m", discs)):
             values.setflags(write=False)
             object.__setattr__(self, name, values)
+        wide = np.array([discs.max(), discs.max(), 0.0])
+        low, high = rows[:, 1:].min(axis=0) - wide, rows[:, 1:].max(axis=0) + wide
+        object.__setattr__(self, "box_m", (*low.tolist(), *high.tolist()))
 
     @property
     def start_s(self) -> float:

@@ -29,7 +29,7 @@ from companion.team.shared_plan import NUMBERS, SharedPlan, is_newer, largest_di
 
 PAYLOAD_BYTES = 128
 VERSION = 1
-REPORT, PLAN = 1, 2
+REPORT, PLAN, BID = 1, 2, 3
 HAS_COMMITTED, HAS_LATEST, IS_PENDING = 1, 2, 4
 IS_EMERGENCY = 1
 
@@ -41,6 +41,7 @@ ANSWER = struct.Struct("<BH")  # member, plan number
 FRAGMENT = struct.Struct("<HB")  # plan number, place among the fragments and their number
 PLAN_HEAD = struct.Struct("<BBIiiBHHHHBH")
 ROW = struct.Struct("<HhhH")  # time, east, north, altitude
+BID_HEAD = struct.Struct("<IiiBBH")  # time, latitude, longitude, airspeed, goal, time that it takes
 
 FRAGMENT_BYTES = PAYLOAD_BYTES - HEADER.size - FRAGMENT.size
 FRAGMENTS_MAX = 15
@@ -49,6 +50,9 @@ TICKS = 1 << 32  # Start times begin again after thirteen years.
 STEP_M = 0.25
 ALTITUDE_STEP_M, ALTITUDE_MIN_M = 0.25, -1000.0
 TENTH_M = 0.1
+AIRSPEED_STEP_M_S, AIRSPEED_STEPS_MAX = 0.5, 255
+NO_GOAL, NOT_AVAILABLE = 0, 255  # Stand for the goal in a bid; goal n is n + 1.
+SHARED_GOALS_MAX = 200
 SLACK_M = (
     0.1  # Receivers have origins of their own, and straight lines differ by less than this between them.
 )
@@ -140,6 +144,64 @@ class Fragment:
     data: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class GoalBid:
+    """What a member says of the goals that the team shares.
+
+    Parameters
+    ----------
+    tick : int
+        UTC time of the bid in steps of 0.1 s, in 32 bits. A later bid replaces an earlier one.
+    latitude_e7, longitude_e7 : int
+        Where the member was then [1e-7 degrees].
+    airspeed_steps : int
+        Airspeed of the member in steps of 0.5 m/s.
+    goal : int or None
+        The goal that it flies to, from 0; None if it has none.
+    takes_ticks : int
+        Time from the bid to its arrival there, in steps of 0.1 s.
+    is_available : bool
+        False if others have to fly its goals: a pilot flies, or it returns home.
+    flown : int
+        Bit n is set if goal n is flown, by whomever.
+    """
+
+    tick: int
+    latitude_e7: int
+    longitude_e7: int
+    airspeed_steps: int
+    goal: int | None = None
+    takes_ticks: int = 0
+    is_available: bool = True
+    flown: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class BidMessage:
+    """A bid with the standing of its sender.
+
+    Parameters
+    ----------
+    standing : Standing
+        Numbers of the sender's plans.
+    bid : GoalBid
+        The bid.
+    """
+
+    standing: Standing
+    bid: GoalBid
+
+
+def bid_payload(standing: Standing, bid: GoalBid) -> bytes:
+    """Return a bid as a payload: 22 bytes, and one for each eight goals up to the last that is flown."""
+    goal = NOT_AVAILABLE if not bid.is_available else NO_GOAL if bid.goal is None else bid.goal + 1
+    head = BID_HEAD.pack(
+        bid.tick % TICKS, bid.latitude_e7, bid.longitude_e7, min(bid.airspeed_steps, AIRSPEED_STEPS_MAX),
+        goal, min(bid.takes_ticks, 65_535),
+    )  # fmt: skip
+    return _header(BID, standing) + head + bid.flown.to_bytes((bid.flown.bit_length() + 7) // 8, "little")
+
+
 def report_payloads(report: Report) -> list[bytes]:
     """Return a report as payloads; one is enough for up to 39 answers.
 
@@ -209,7 +271,7 @@ def told_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.0) -> S
 
 
 @lru_cache(maxsize=CACHED)
-def read_payload(payload: bytes) -> Report | Fragment:
+def read_payload(payload: bytes) -> Report | Fragment | BidMessage:
     """Return what a payload says.
 
     Parameters
@@ -233,6 +295,8 @@ def read_payload(payload: bytes) -> Report | Fragment:
         return _read_report(standing, body)
     if kind & 0xF == PLAN:
         return _read_fragment(standing, body)
+    if kind & 0xF == BID:
+        return BidMessage(standing, _read_bid(body))
     raise PayloadError("kind")
 
 
@@ -274,8 +338,7 @@ def _read_plan(body: bytes, member: int, number: int, frame: LocalFrame, near_s:
     table[0, 3] = altitude
     if (np.diff(table[:, 0]) < 0.0).any():
         raise PayloadError("plan_times")
-    ticks = round(near_s / TICK_S)
-    start = ticks + (tick - ticks + TICKS // 2) % TICKS - TICKS // 2
+    start = tick_near(tick, round(near_s / TICK_S))
     step = STEP_M * 2.0 ** (scales & 0xF)
     latitude_e7, longitude_e7 = place
     scale = float(longitude_scale(np.array(latitude_e7 * 1e-7)))
@@ -350,6 +413,21 @@ def _read_fragment(standing: Standing, body: bytes) -> Fragment:
     return Fragment(standing, number, index, count, body[FRAGMENT.size :])
 
 
+def _read_bid(body: bytes) -> GoalBid:
+    if not 0 <= len(body) - BID_HEAD.size <= SHARED_GOALS_MAX // 8:
+        raise PayloadError("bid_length")
+    tick, latitude_e7, longitude_e7, airspeed_steps, goal, takes_ticks = BID_HEAD.unpack_from(body)
+    is_possible = abs(latitude_e7) <= 900_000_000 and airspeed_steps > 0
+    if not is_possible or SHARED_GOALS_MAX < goal < NOT_AVAILABLE:
+        raise PayloadError("bid")
+    flown = int.from_bytes(body[BID_HEAD.size :], "little")
+    is_available = goal != NOT_AVAILABLE
+    own_goal = goal - 1 if is_available and goal != NO_GOAL else None
+    return GoalBid(
+        tick, latitude_e7, longitude_e7, airspeed_steps, own_goal, takes_ticks, is_available, flown
+    )
+
+
 def _plan_body(plan: SharedPlan, frame: LocalFrame) -> bytes:
     """Return the data of a plan; circles begin no later and end no sooner."""
     rows = plan.rows
@@ -386,6 +464,11 @@ def _ticks(ticks: FloatArray, *, begins_in_circle: bool) -> FloatArray:
         rounded[2:] = np.maximum(rounded[2:], rounded[1])
     last = math.floor(ticks[-1] + 1e-3)
     return np.asarray(np.minimum(rounded, last))
+
+
+def tick_near(tick: int, near: int) -> int:
+    """Return the time whose lowest 32 bits are ``tick`` and that is nearest to another [0.1 s]."""
+    return near + (tick - near + TICKS // 2) % TICKS - TICKS // 2
 
 
 def _doublings(size: float, most: float) -> int:

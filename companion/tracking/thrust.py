@@ -143,13 +143,12 @@ class ThrustMonitor:
     def _loss(self, now_s: float, throttle_max: float) -> str:
         """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
         now, (young, old) = self._rate(now_s), REFERENCE_S
-        earlier = np.array([rate for rate in self._rates if now_s - rate.stamp_s >= young])
-        if now is None or not len(earlier) or now_s - earlier[-1, 0] > old:
+        earlier = [rate for rate in self._rates if now_s - rate.stamp_s >= young]
+        recent = np.array([rate for rate in earlier if now_s - rate.stamp_s <= old])
+        changes = [abs(rate.change_m_s) for rate in earlier if math.isfinite(rate.change_m_s)]
+        if now is None or not len(recent) or not changes:
             return ""
-        _, usual, throttle, _ = np.median(earlier[now_s - earlier[:, 0] <= old], axis=0)
-        changes = np.abs(earlier[np.isfinite(earlier[:, 3]), 3])
-        if not len(changes):
-            return ""
+        _, usual, throttle, _ = np.median(recent, axis=0)
         deviation = MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
         if now.energy_m_s > -max(LOSS_M_S, 2.0 * deviation):
             return ""

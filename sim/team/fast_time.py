@@ -198,10 +198,12 @@ def _pass_time(scene: Scene, members: list[TeamMember], radio: TeamRadio) -> flo
     """Let everybody receive, think and send until all have arrived; returns when that is [s]."""
     step, now_s = 0, 0.0
     places_m = np.array([member.place_at(0.0) for member in members])
-    while now_s < scene.end_s and now_s < max(member.arrives_s for member in members) + 10.0:
+    receive = [member.agreement.receive for member in members]
+    while now_s < scene.end_s and any(member.arrives_s + 10.0 > now_s for member in members):
         step, now_s = step + 1, now_s + STEP_S
-        for receiver, sender, payload in radio.arrived(step):
-            members[receiver].agreement.receive(sender + 1, payload, BEGIN_S + now_s)
+        for receivers, sender, payload in radio.arrived(step):
+            for receiver in receivers:
+                receive[receiver](sender + 1, payload, BEGIN_S + now_s)
         if step % PLACES_EACH == 0:
             places_m = np.array([member.place_at(now_s) for member in members])
         for n in range(step % SENDS_EACH, scene.num_aircraft, SENDS_EACH):

@@ -53,6 +53,10 @@ class TeamFlight:
         Folder of the recordings, one for each member.
     shares : bool
         Whether they share their plans; otherwise each flies as if it were alone.
+    speed : float
+        Simulated seconds a second.
+    gone_s : dict of int to float
+        Members whose aircraft, autopilot, radio and service are gone from a time on [s].
 
     Attributes
     ----------
@@ -72,6 +76,8 @@ class TeamFlight:
     dialect: Dialect = Dialect.ARDUPILOT
     folder: Path | None = None
     shares: bool = True
+    speed: float = math.inf
+    gone_s: dict[int, float] = field(default_factory=dict)
     flights: list[Flight] = field(init=False)
     radio: Radio = field(init=False)
     least_m: dict[tuple[int, int], tuple[float, float, float]] = field(init=False, default_factory=dict)
@@ -84,7 +90,8 @@ class TeamFlight:
         self.flights = [
             Flight(
                 mission if self.shares else mission.model_copy(update={"team": None}),
-                self.seed + 1000 * number, self._folder_of(number), self.dialect, system_id=number,
+                self.seed + 1000 * number, self._folder_of(number), self.dialect,
+                self.speed if number == 1 else math.inf, system_id=number,
             )
             for number, mission in enumerate(missions, 1)
         ]  # fmt: skip
@@ -110,21 +117,40 @@ class TeamFlight:
             advances = [await stack.enter_async_context(flight.running()) for flight in self.flights]
             now_s, end_s = 0.0, limit_s
             while now_s < end_s:
-                for advance in advances:
-                    await advance()
-                now_s = self.flights[0].now_s
+                there = self.members_there(now_s)
+                for number in there:
+                    await advances[number - 1]()
+                now_s = max(self.flights[number - 1].now_s for number in there)
                 self.radio.step(now_s)
                 self._measure(now_s)
                 self._note(now_s)
-                if len(self.arrived_s) == len(self.flights):
+                if self.arrived_s and all(number in self.arrived_s for number in there):
                     end_s = min(end_s, max(self.arrived_s.values()) + LINGER_S)
+
+    def members_there(self, now_s: float) -> list[int]:
+        """Return the members that are not gone at a time [s]."""
+        return [n for n in range(1, len(self.flights) + 1) if now_s < self.gone_s.get(n, math.inf)]
+
+    def flown_by(self) -> list[list[tuple[int, float]]]:
+        """Return who truly flew each goal of the mission within its radius, and when first [s]."""
+        found: list[list[tuple[int, float]]] = []
+        paths = [np.array(flight.simulator.truth.path) for flight in self.flights]
+        for goal in self.mission.goals:
+            place, passed = (goal.east_m, goal.north_m, goal.up_m), []
+            for number, rows in enumerate(paths, 1):
+                near = np.linalg.norm(rows[:, 1:4] - place, axis=1) <= goal.acceptance_radius_m
+                if near.any():
+                    passed.append((number, float(rows[near.argmax(), 0])))
+            found.append(passed)
+        return found
 
     def _note(self, now_s: float) -> None:
         """Note who has arrived, and who has touched something before that.
 
         Afterwards some fly the operator's landing, which is made for one aircraft at the mission's start.
         """
-        for number, flight in enumerate(self.flights, 1):
+        for number in self.members_there(now_s):
+            flight = self.flights[number - 1]
             if number in self.arrived_s:
                 continue
             if flight.simulator.truth.collision:
@@ -135,8 +161,8 @@ class TeamFlight:
     def _measure(self, now_s: float) -> None:
         """Note how near any two members are, once both have taken off."""
         places = np.array([flight.simulator.truth.path[-1][1:4] for flight in self.flights])
-        config = self._team
-        for one, other in itertools.combinations(range(len(places)), 2):
+        config, there = self._team, [number - 1 for number in self.members_there(now_s)]
+        for one, other in itertools.combinations(there, 2):
             away = places[one] - places[other]
             flat, up = math.hypot(away[0], away[1]), abs(float(away[2]))
             near = max(flat / config.apart_m, up / config.apart_up_m)
@@ -147,7 +173,9 @@ class TeamFlight:
     def summary(self) -> dict[str, object]:
         """Return what happened, for people and for JSON."""
         nearest = min(self.least_m.values(), default=(math.inf, math.inf, 0.0))
+        shared = {"goals_flown_by": self.flown_by()} if self.mission.shares_goals else {}
         return {
+            **shared,
             "mission": self.mission.name,
             "seed": self.seed,
             "aircraft": len(self.flights),
@@ -205,14 +233,20 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     goals_free = Free(free_m, 2.0 * circle_m + beside_m)
     starts_free = Free(free_m, 2.0 * float(mission.vehicle.turn_radius_min_m) + beside_m)
     num_of = [(num + 1) // 2, num // 2]
-    goals = [
-        _spots(mission, end, count, goals_free, lambda place, _: place)
-        for end, count in zip(ends, num_of[::-1], strict=True)
-    ]
+    goals = (
+        []
+        if mission.shares_goals
+        else [
+            _spots(mission, end, count, goals_free, lambda place, _: place)
+            for end, count in zip(ends, num_of[::-1], strict=True)
+        ]
+    )
 
     def circled_from(way: int) -> Circled:
         return lambda place, index: _circle_before_the_first_plan(mission, place, goals[1 - way][index])
 
+    if mission.shares_goals:
+        return _missions_of_shared_goals(mission, team, num, starts_free)
     starts = [
         _spots(mission, end, count, starts_free, circled_from(way))
         for way, (end, count) in enumerate(zip(ends, num_of, strict=True))
@@ -238,6 +272,33 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
                     ),
                     "dynamic_threats": (),
                     "team": team.model_copy(update={"members": tuple(range(1, num + 1))}),
+                }
+            )
+        )
+    return missions
+
+
+def _missions_of_shared_goals(
+    mission: MissionConfig, team: TeamConfig, num: int, free: Free
+) -> list[MissionConfig]:
+    """Return the missions of members that start side by side and share the mission's goals."""
+    start, first = mission.start, np.array([mission.goals[0].east_m, mission.goals[0].north_m])
+    places = _spots(
+        mission, np.array([start.east_m, start.north_m]), num, free,
+        lambda place, _: _circle_before_the_first_plan(mission, place, first),
+    )  # fmt: skip
+    shared = team.model_copy(update={"members": tuple(range(1, num + 1))})
+    missions = []
+    for number, (east_m, north_m) in enumerate(places, 1):
+        course_deg = math.degrees(math.atan2(first[0] - east_m, first[1] - north_m)) % 360.0
+        update = {"east_m": float(east_m), "north_m": float(north_m), "course_deg": course_deg}
+        missions.append(
+            mission.model_copy(
+                update={
+                    "name": f"{mission.name}-{number}",
+                    "start": start.model_copy(update=update),
+                    "dynamic_threats": (),
+                    "team": shared,
                 }
             )
         )

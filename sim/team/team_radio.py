@@ -9,7 +9,7 @@ import numpy as np
 from companion.frames import FloatArray
 from .scenes import Scene
 
-Heard = tuple[int, int, bytes]  # receiver, sender, payload
+Heard = tuple[list[int], int, bytes]  # receivers, sender, payload
 
 
 class TeamRadio:
@@ -50,9 +50,12 @@ class TeamRadio:
         hears &= np.hypot(*(places_m - places_m[sender]).T) <= scene.range_m
         hears[sender] = False
         late = self._rng.uniform(0.5, 1.5, scene.num_aircraft) * scene.delay_s / self._step_s
-        steps = step + 1 + late.astype(int)
+        receivers: dict[int, list[int]] = defaultdict(list)
+        steps = (step + 1 + late.astype(int)).tolist()
         for receiver in np.flatnonzero(hears).tolist():
-            self._arriving[int(steps[receiver])].append((receiver, sender, payload))
+            receivers[steps[receiver]].append(receiver)
+        for due, together in receivers.items():
+            self._arriving[due].append((together, sender, payload))
 
     def arrived(self, step: int) -> list[Heard]:
         """Return what arrives in a time step."""

@@ -10,6 +10,7 @@ from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missio
 from tests.flight.replanning.test_surprise import LONG
 from tests.flight.test_geofences import BOTH
 from tests.sim.client import CONFIGS
+from tests.team.shared_goal_flights import mission_of
 
 
 def flown(mission, num, loss, dialect=Dialect.PX4, seed=1, *, shares=True):
@@ -45,6 +46,18 @@ def test_four_pass_the_gaps_of_the_bug_trap(dialect):
     assert sorted(team.arrived_s) == [1, 2, 3, 4]
     assert team.is_separate
     assert team.hit_s == {}
+
+
+def test_the_goals_of_a_member_that_is_gone_are_flown_by_the_other_one():
+    mission = mission_of(4, num_goals=3, side_m=1600.0)
+    team = mission.team.model_copy(update={"lost_after_s": 10.0})
+    flight = TeamFlight(mission.model_copy(update={"team": team}), 2, 1, gone_s={2: 12.0})
+    fly_team(flight)
+    lost = flight.flights[1].app.state
+    assert len(lost.goals) > lost.next_goal  # It had goals left.
+    assert all(passed for passed in flight.summary()["goals_flown_by"])
+    assert (list(flight.arrived_s), flight.is_separate, flight.hit_s) == ([1], True, {})
+    assert not any(decision.kind == "off path" for decision in flight.flights[0].recorder.decisions)
 
 
 def test_members_start_and_end_apart_and_every_other_one_flies_back():

@@ -21,8 +21,11 @@ class Team(Consent, Protocol):
     def take(self, event: ClockReported | TeamMessage, /) -> None:
         """Take what arrives from others, or the time."""
 
-    def keep_up(self) -> None:
-        """Send what is due."""
+    def keep_up(self) -> bool:
+        """Send what is due; return whether other goals are flown from now on."""
+
+    def status(self) -> dict[str, object]:
+        """Return the members for pages."""
 
 
 class NobodyAsked:
@@ -44,5 +47,10 @@ class NobodyAsked:
     def take(self, _event: ClockReported | TeamMessage, /) -> None:
         """Do nothing."""
 
-    def keep_up(self) -> None:
-        """Do nothing."""
+    def keep_up(self) -> bool:
+        """Return False: no goals are shared."""
+        return False
+
+    def status(self) -> dict[str, object]:
+        """Return nothing: there are no members."""
+        return {}

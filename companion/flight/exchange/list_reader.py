@@ -174,7 +174,7 @@ class ListReader:
                 tell="other mission",
                 mission=words,
             )
-        if not state.goals:
+        if not state.goals and not state.mission.shares_goals:
             text = "the autopilot's mission has no waypoint to fly to"
             self._announcer.decide(DecisionKind.NO_PLAN, text, tell="no goal")
         return bool(state.goals), None

@@ -14,32 +14,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.clock import Clock
-from companion.config.sections.team_section import TeamConfig
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind, Verdict
-from companion.flight.state.flight_state import StateOwner
+from companion.flight.state.flight_state import StateOwner, after_auction
+from companion.flight.state.team_part import is_available, new_agreement, reached_goals
 from companion.team.agreement import Agreement, Outcome
 from companion.team.member_tracks import STOPS_S, may_come_into, members_among, track_of_plan
-from companion.team.shared_plan import NUMBERS, SharedPlan, entering_circle
-from companion.team.team_settings import TeamSettings
+from companion.team.shared_plan import SharedPlan, entering_circle
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import ClockReported, TeamMessage
 from companion.types.threat import TrackState
 
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
-REPLY_S, REPEAT_S, QUIET_S = 0.4, 1.0, 5.0  # As in TeamSettings: a plan has seconds to be approved.
 PLANNED_BESIDE_M = 25.0  # Tolerances of told plans are up to about 10 m larger, and plans keep off that.
-
-
-def settings_of(config: TeamConfig) -> TeamSettings:
-    """Return what the members agree on before they fly, from the mission file."""
-    return TeamSettings(
-        apart_m=config.apart_m, apart_up_m=config.apart_up_m, lost_after_s=config.lost_after_s,
-        reply_s=REPLY_S, repeat_s=REPEAT_S, quiet_s=QUIET_S,
-    )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -94,18 +84,15 @@ class TeamExchange:
         self._announced = AnnouncedPlan()
         self._is_asking = False
         self._lost = frozenset[int]()
+        self._sighted_s: dict[int, float] = {}  # UTC of the last position of each member.
+        self._places: dict[int, tuple[float, float, float]] = {}  # Where each was then.
 
     @property
     def agreement(self) -> Agreement | None:
         """The member's part in the agreement; None without a team, or before system id and UTC are known."""
-        config, system_id = self._flight.state.mission.team, self._link.codec.vehicle_system_id
-        if self._agreement is None and config is not None and system_id is not None:
-            utc_s = self._utc_s()
-            if utc_s is not None and system_id in config.members:
-                self._agreement = Agreement(
-                    system_id, config.members, self._flight.state.mission.frame, settings_of(config),
-                    started_s=utc_s, first_number=int(utc_s) % NUMBERS, commits_itself=False,
-                )  # fmt: skip
+        system_id, utc_s = self._link.codec.vehicle_system_id, self._utc_s()
+        if self._agreement is None and system_id is not None and utc_s is not None:
+            self._agreement = new_agreement(self._flight.state, system_id, utc_s)
         return self._agreement
 
     def _utc_s(self) -> float | None:
@@ -119,12 +106,19 @@ class TeamExchange:
         elif self.agreement is not None and self._utc.ahead_s is not None:
             self.agreement.receive(event.system_id, event.payload, event.stamp_s + self._utc.ahead_s)
 
-    def keep_up(self) -> None:
-        """Send what is due, and inform the pilot of members that are lost or received again."""
+    def keep_up(self) -> bool:
+        """Send what is due, and inform the pilot of members that are lost or received again.
+
+        Returns
+        -------
+        bool
+            Whether this member flies other goals from now on.
+        """
         agreement, utc_s = self.agreement, self._utc_s()
         if agreement is None or utc_s is None:
-            return
+            return False
         self._announce(agreement, utc_s)
+        has_other_goals = self._share_goals(agreement, utc_s)
         for payload in agreement.outgoing(utc_s):
             self._link.send(self._link.codec.team_message(payload))
         lost = agreement.members_lost(utc_s)
@@ -136,6 +130,34 @@ class TeamExchange:
                 member=member,
             )  # fmt: skip
         self._lost = lost
+        return has_other_goals
+
+    def _share_goals(self, agreement: Agreement, utc_s: float) -> bool:
+        """Take part in the auction of goals; return whether this member flies other goals from now on.
+
+        The plan of a lost member ends in a circle about a goal. Nobody else could fly there as long as that
+        is kept clear of. It is forgotten once the member's position was not received for as long either.
+        """
+        auction, state, config = agreement.auction, self._flight.state, self._flight.state.mission.team
+        ownship = self._ownship.state(self._clock.now_s())
+        if auction is None or config is None or ownship is None:
+            return False
+        lost = agreement.members_lost(utc_s)
+        for member in lost:
+            if utc_s - self._sighted_s.get(member, -math.inf) >= config.lost_after_s:
+                agreement.forget(member)
+        east_m, north_m, _ = ownship.position_enu_m
+        won = auction.look(
+            utc_s, (east_m, north_m), frozenset(config.members) - lost,
+            reached=reached_goals(state), is_available=is_available(state),
+        )  # fmt: skip
+        goals = state.goals
+        after = self._flight.apply(after_auction, won, is_over=auction.is_over)
+        if after.goals == goals:
+            return False
+        words = ", ".join(str(number + 1) for number in won) or "none"
+        self._announcer.decide(DecisionKind.TEAM, f"goals: {words}")
+        return True
 
     def _announce(self, agreement: Agreement, utc_s: float, *, anew: bool = False) -> None:
         """Announce what is flown if that is nothing that the others know, or ``anew`` in any case."""
@@ -229,6 +251,35 @@ class TeamExchange:
             self._agreement.commit() if is_flown else self._agreement.withdraw()
         self._is_asking = False
 
+    def status(self) -> dict[str, object]:
+        """Return the members, where they are and what they told, for pages; nothing without a team.
+
+        Goals are numbered from 1 as in the mission file. A team that shares none has no list of flown ones.
+        """
+        agreement, utc_s = self._agreement, self._utc_s()
+        if agreement is None or utc_s is None:
+            return {}
+        lost, auction = agreement.members_lost(utc_s), agreement.auction
+        plans = {
+            plan.member: plan for plan in (*agreement.plans_to_clear()[::-1], agreement.committed) if plan
+        }
+        members = sorted({agreement.member, *self._flight.state.mission.team_members})
+        lists = {} if auction is None else auction.lists(frozenset(members) - lost)
+        rows = [
+            {
+                "system": member,
+                "is_own": member == agreement.member,
+                "is_lost": member in lost,
+                "place_enu_m": None if member in lost else self._places.get(member),
+                "plan_enu_m": _told_rows(plans.get(member)),
+                "circle_m": round(plans[member].radius_m, 1) if member in plans else 0.0,
+                "goals": [goal + 1 for goal in lists.get(member, ())],
+            }
+            for member in members
+        ]
+        flown = None if auction is None else [goal + 1 for goal in auction.flown]
+        return {"members": rows, "flown": flown}
+
     # --- where the others will be
 
     def with_members(self, tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
@@ -250,6 +301,8 @@ class TeamExchange:
         sighted, others = members_among(tracks, config.members)
         for member, track in sighted.items():
             agreement.observe(member, track.position_enu_m, track.stamp_s + ahead_s)
+            self._sighted_s[member] = track.observed_s + ahead_s
+            self._places[member] = track.position_enu_m
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
         plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
@@ -268,6 +321,11 @@ class TeamExchange:
             if may_come_into(area, plan, reach_m, up_m)
         ]
         return tuple(sorted(others, key=lambda track: track.identity))
+
+
+def _told_rows(plan: SharedPlan | None) -> list[list[float]]:
+    """Return the places of a plan, each east, north, up [m]."""
+    return [] if plan is None else np.round(plan.rows[:, 1:], 1).tolist()
 
 
 def _listed(members: Iterable[int]) -> str:

@@ -69,7 +69,7 @@ def operator_summary_of(state: FlightState, ownship: Ownship | None, num_home_it
     operator = state.mission_list.operator
     if operator is None or len(operator.items) <= num_home_items:
         return OperatorSummary("", "", "", has_end=False, faults=("no mission in the autopilot",))
-    goals = state.goals_left
+    goals = state.rules.goals if state.mission.shares_goals else state.goals_left
     count = len(operator.items) - num_home_items
     plan = f"{count} items, {len(goals)} goal{'s' * (len(goals) != 1)}"
     if goals:
@@ -122,7 +122,7 @@ def _faults(state: FlightState, operator: Operator, ownship: Ownship | None) -> 
     if ownship is not None and math.hypot(*ownship.position_enu_m[:2]) > FAR_M:
         away = 1e-3 * math.hypot(*ownship.position_enu_m[:2])
         found.append(f"the mission file's origin is {away:.0f} km from here")
-    if not state.goals:
+    if not state.goals and not state.mission.shares_goals:
         found.append("no waypoint to fly to")
     last = last_item_of(state)
     is_item = state.mission.takeover.when == "item"

@@ -81,7 +81,7 @@ class VehicleLink:
             with_clock=mission.team is not None,
         )
         self.quality = LinkQuality()
-        self.members = () if mission.team is None else mission.team.members
+        self.members = mission.team_members
         self._clock = clock
         self._recorder = recorder
         self._observer = observer or Observer()

@@ -19,6 +19,7 @@ from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState, StateOwner
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import OFF_HEIGHT_MAX_M
+from companion.flight.state.team_part import is_waiting
 from companion.flight.state.world_model import WorldModel
 from companion.mission.path_progress import progress_on
 from companion.tracking.thrust import ThrustMonitor
@@ -126,7 +127,7 @@ def _ground_in_words(state: FlightState, ownship: Ownship) -> str:
 
 def _deviation(state: FlightState, ownship: Ownship) -> tuple[str, str]:
     """Return the kind of the aircraft's deviation from its path, and how it deviates; '' if it follows."""
-    if state.flown is None:
+    if state.flown is None or is_waiting(state):
         return "", ""
     path = state.flown.path
     progress = progress_on(path, ownship.position_enu_m, state.flown.row, SEARCH_ROWS)

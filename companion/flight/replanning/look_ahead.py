@@ -6,7 +6,7 @@ from companion.flight.construction.cycle import conclude
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.prediction.resume_path import resume_path
 from companion.flight.replanning.plan_maker import plan_request
-from companion.flight.replanning.plan_schedule import known_threats
+from companion.flight.replanning.plan_schedule import known_threats, wind_fault
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
 from companion.flight.state.modes import Mode
@@ -63,7 +63,7 @@ class LookAhead:
             return
         snapshot, track_s = parts.world_model.snapshot(now), parts.world_model.newest_track_s
         state = parts.flight.update_world(ownship, snapshot.picture)
-        if state.wind_fault:
+        if wind_fault(state):
             return
         maker.schedule.note_known(known_threats(parts.world_model, now))
         run, found = await maker.make(

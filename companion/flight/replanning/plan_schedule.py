@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from companion.flight.state.flight_state import FlightState
 from companion.flight.state.world_model import WorldModel
 
 SUSPICION_S = 1.0  # Signs of another uploader cause a plan at the earliest this long after the last.
@@ -13,6 +14,7 @@ RETRY_S = 3.0  # Time between plans while no safe path is flown.
 EARLY_REPLAN_S = 5.0  # New threats cause a plan at the earliest this long after the last.
 SURPRISE_S = 1.0  # A surprise causes a plan at the earliest this long after the last.
 ENDS_S = 5.0  # A mission that ends within this time after the next plan takes effect is extended.
+WIND_SHARE_MAX = 0.6  # No plans are made in a wind above this share of the cruise airspeed.
 BEGIN = "the mission is flown"  # The recorded occasion of a first plan.
 
 
@@ -137,3 +139,11 @@ def _first(occasions: Iterable[tuple[float, str]], since_s: float) -> str:
 def known_threats(world_model: WorldModel, now_s: float) -> KnownThreats:
     """Return the threats that are known now."""
     return KnownThreats(world_model.num_known_threats, tuple(world_model.tracker.received_s(now_s)))
+
+
+def wind_fault(state: FlightState) -> str:
+    """Return why the wind is too strong for planning, '' if it is not."""
+    wind = math.hypot(*state.wind_enu_m_s)
+    if wind <= WIND_SHARE_MAX * state.rules.vehicle.airspeed_cruise_m_s:
+        return ""
+    return f"wind of {wind:.0f} m/s, over {100.0 * WIND_SHARE_MAX:.0f} % of cruise"

@@ -31,7 +31,14 @@ from companion.flight.replanning.plan_maker import (
     plan_request,
     rally_request,
 )
-from companion.flight.replanning.plan_schedule import BEGIN, ENDS_S, RETRY_S, SUSPICION_S, known_threats
+from companion.flight.replanning.plan_schedule import (
+    BEGIN,
+    ENDS_S,
+    RETRY_S,
+    SUSPICION_S,
+    known_threats,
+    wind_fault,
+)
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.replanning.surprise_watch import SurpriseWatch
 from companion.flight.state.decision import DecisionKind, Verdict
@@ -218,7 +225,7 @@ class Replanning:
 
     def _is_too_windy(self, now_s: float) -> bool:
         """Return whether the wind is too strong for planning; announce that, and schedule a retry."""
-        fault = self._flight.state.wind_fault
+        fault = wind_fault(self._flight.state)
         if not fault:
             return False
         wind = f"{math.hypot(*self._flight.state.wind_enu_m_s):.0f}"

@@ -24,6 +24,7 @@ list laid out again         :func:`after_list_adopted`
 takeover                    :func:`after_takeover`
 mission entered             :func:`after_swap`
 own position                :func:`after_position`
+goals won in a team         :func:`after_auction`
 ==========================  =============================================================
 """
 
@@ -64,7 +65,6 @@ from companion.types.path import Path
 from companion.types.state import AutopilotSettings, Ownship
 from companion.types.threat import Obstacle, ThreatPicture
 
-WIND_SHARE_MAX = 0.6  # No plans are made in a wind above this share of the cruise airspeed.
 SEARCH_ROWS = 20  # The aircraft is searched in this many rows of the path ahead.
 # Plans reach goals within these shares of their acceptance radius: goals to pass, and the last goal.
 NARROWED_SHARE, NARROWED_LAST_SHARE = 0.6, 0.75
@@ -88,11 +88,13 @@ class FlightState:
     goals : tuple of GoalRegion
         The goals in their order: the mission file's, or the operator's waypoints.
     actions : tuple of tuple of MissionItem
-        The operator's DO_ items to carry out at each goal.
+        The operator's DO_ items at each goal.
     goal_items : tuple of int
         Sequences of the operator's items that are the goals; empty if the mission file has goals.
     next_goal : int
         Index of the first goal that is not reached.
+    is_on_call : bool
+        Whether other members of the team have goals left that this one may win.
     flown : FlownPath or None
         The flown path of the service.
     tail_enu_m : tuple of float, or None
@@ -132,6 +134,7 @@ class FlightState:
     actions: tuple[tuple[MissionItem, ...], ...] = ()
     goal_items: tuple[int, ...] = ()
     next_goal: int = 0
+    is_on_call: bool = False
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
@@ -166,8 +169,9 @@ class FlightState:
 
     @property
     def has_arrived(self) -> bool:
-        """Whether the last goal was reached."""
-        return bool(self.goals) and self.next_goal == len(self.goals)
+        """Whether the last goal was reached, and the team has none left for this member."""
+        may_arrive = bool(self.goals) or self.mission.shares_goals
+        return may_arrive and not self.goals_left and not self.is_on_call
 
     @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
@@ -205,17 +209,9 @@ class FlightState:
         """Radius of the tightest turn that can be flown on any course in the present wind [m]."""
         return self.rules.vehicle.turn_radius_in(math.hypot(*self.wind_enu_m_s))
 
-    @property
-    def wind_fault(self) -> str:
-        """Why the wind is too strong for planning, '' if it is not."""
-        wind = math.hypot(*self.wind_enu_m_s)
-        if wind <= WIND_SHARE_MAX * self.rules.vehicle.airspeed_cruise_m_s:
-            return ""
-        return f"wind of {wind:.0f} m/s, over {100.0 * WIND_SHARE_MAX:.0f} % of cruise"
-
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
         """Return the violations of a path that should reach the last goal."""
-        return self.violations_to(self.goals[-1], path)
+        return self.violations_to(self.goals[-1] if self.goals else None, path)
 
     def keeps_limits(self, path: Path) -> tuple[bool, bool]:
         """Return whether a path to the last goal keeps all limits, and all but threat and quality."""
@@ -294,8 +290,8 @@ def first_state(mission: MissionConfig, now_s: float) -> FlightState:
     now_s : float
         The clock's reading [s].
     """
-    rules = rules_of(mission)
-    return FlightState(rules=rules, phase=FlightPhase(now_s), goals=rules.goals)
+    rules, shared = rules_of(mission), mission.shares_goals
+    return FlightState(rules, FlightPhase(now_s), goals=() if shared else rules.goals, is_on_call=shared)
 
 
 def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
@@ -399,7 +395,7 @@ def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """Return the state with another mission file; a changed list of goals begins at its first."""
     rules = rules_of(mission, state.rules.fences, state.settings)
     goals, next_goal = state.goals, state.next_goal
-    if not mission.goals_from_autopilot and rules.goals != goals:
+    if not (mission.goals_from_autopilot or mission.shares_goals) and rules.goals != goals:
         goals, next_goal = rules.goals, 0
     is_other = mission.goals != state.mission.goals
     return replace(
@@ -437,6 +433,13 @@ def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> F
         goal_items=tuple(goal.sequence for goal in goals),
         next_goal=0,
     )
+
+
+def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> FlightState:
+    """Return the state with the goals that this member has won; it waits until the team's are all flown."""
+    goals = (*state.goals[: state.next_goal], *(state.rules.goals[number] for number in won))
+    is_on_call = not is_over and (not goals or state.tail_enu_m is None)
+    return replace(state, goals=goals, is_on_call=is_on_call)
 
 
 def after_takeover(state: FlightState, sequence: int) -> FlightState:
@@ -481,14 +484,12 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
     next_goal, flown = state.next_goal, state.flown
     while next_goal < len(state.goals):
         goal = state.goals[next_goal]
-        away = np.linalg.norm(np.subtract(goal.position_enu_m, ownship.position_enu_m))
-        if away > goal.acceptance_radius_m:
+        if math.dist(goal.position_enu_m, ownship.position_enu_m) > goal.acceptance_radius_m:
             break
         next_goal += 1
     if flown is not None:
-        flown = replace(
-            flown, row=progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
-        )
+        row = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
+        flown = replace(flown, row=row)
     return replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
 
 

@@ -59,6 +59,7 @@ OTHER_MODES_S = 0.5  # Period of the task that predicts what somebody else flies
 RELEASE_S = 30.0  # A vehicle that is silent on the ground for this time may be replaced by another.
 LOGGED_HZ, LOGGED_BURST = 2.0, 60.0  # Limits for logging the autopilot's texts; a boot sends about forty.
 FRESH_AGAIN = "all is heard again"  # The recorded occasion of a plan after an input was stale.
+OTHER_GOALS = "the team's goals are divided anew"
 DEVIATES = "the aircraft does not do what its plan says"  # The recorded occasion of such a plan.
 LAST_TEXT_S = 0.2  # Time for the last texts to be sent before the link is closed.
 MODE_ANNOUNCEMENTS = {  # Kind, recorded words and pilot's text of entering a mode.
@@ -455,7 +456,8 @@ class App:
         """Record the flight, and note goals that are reached."""
         while True:
             now = self._clock.now_s()
-            self.replanning.team.keep_up()
+            if self.replanning.team.keep_up():
+                self.replanning.plan_at_once(OTHER_GOALS)
             if self.replanning.freshness.look(now):
                 self.replanning.plan_at_once(FRESH_AGAIN)
             tracks = self.world_model.tracks(now)

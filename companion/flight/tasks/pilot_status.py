@@ -67,6 +67,7 @@ class PilotStatus:
                 "way_enu_m": np.round(watch.track_enu_m[::8], _DIGITS),
             },
             "operator_enu_m": self._operator_places(),
+            "team": replanning.team.status(),
         }
 
     def _operator_places(self) -> list[list[float]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from companion.flight.tasks.composition import Composition
 from companion.recording import mcap_schema as channels
 from companion.recording.recorder import TRACK, Recorder
+from companion.team.member_tracks import members_among
 from companion.token_bucket import TokenBucket
 from companion.types.events import Event, GlobalPosition, TrackReport
 
@@ -22,7 +23,7 @@ class ProgressNotices:
     """
 
     def __init__(self, parts: Composition) -> None:
-        self._world_model = parts.world_model
+        self._world_model, self._flight = parts.world_model, parts.flight
         self._recorder: Recorder = parts.recorder
         self._positions = TokenBucket(POSITIONS_HZ, max(1.0, _BURST_S * POSITIONS_HZ))
         self._tracks = TokenBucket(TRACKS_HZ, _BURST_S * TRACKS_HZ)
@@ -37,5 +38,6 @@ class ProgressNotices:
                 self._recorder.notice(channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",)))
         elif isinstance(event, TrackReport) and self._tracks.takes(now_s):
             track = self._world_model.tracker.track(event.identity, now_s)
-            if track is not None:
+            # A member of a team flies what it told. The next row of the recording says so.
+            if track is not None and not members_among((track,), self._flight.state.mission.team_members)[0]:
                 self._recorder.notice(TRACK, now_s, {"track": channels.table_of(track)})

@@ -8,13 +8,19 @@ import numpy as np
 import pytest
 
 from companion.clock import ManualClock
+from companion.config import mission_from_text
 from companion.config.models import Bounds
 from companion.config.sections.team_section import TeamConfig
 from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows, circled
-from companion.flight.exchange.team_exchange import TeamExchange, UtcClock, settings_of
+from companion.flight.exchange.team_exchange import TeamExchange, UtcClock
 from companion.flight.state.decision import Verdict
+from companion.flight.state.flight_state import StateOwner, after_position, first_state
+from companion.flight.state.modes import Mode
+from companion.flight.state.team_part import settings_of
 from companion.mission.waypoints import Waypoints
+from companion.planning.problem import GoalRegion
 from companion.team.agreement import Agreement, Outcome
+from companion.team.goal_auction import GoalAuction
 from companion.team.shared_plan import SharedPlan
 from companion.team.team_settings import TeamSettings
 from companion.types.events import ClockReported, Motion, TeamMessage
@@ -22,6 +28,7 @@ from companion.types.state import Ownship
 from companion.types.threat import TrackState
 from tests.flight.construction.test_cycle import state
 from tests.flight.prediction.test_mode_tracks import in_mode
+from tests.flight.replanning.test_surprise import LONG
 from tests.support.paths import path_of
 from tests.team.team_plans import FRAME
 
@@ -236,6 +243,61 @@ def test_before_its_first_plan_a_member_announces_where_it_is_and_nobody_is_allo
         assert announced.place_at(AHEAD_S + 500.0) == pytest.approx((0.0, 0.0, 100.0), abs=1.0)
     rows = [[AHEAD_S, -500.0, 0.0, 100.0], [AHEAD_S + 50.0, 500.0, 0.0, 100.0]]
     assert team.others[2].propose(SharedPlan(2, 0, np.array(rows), 80.0, 50.0, 10.0), AHEAD_S + 2.0) is None
+
+
+SHARED = TEAM.model_copy(update={"share_goals": True})
+GOALS = tuple(GoalRegion((1000.0 * n, 500.0, 100.0), 60.0) for n in range(4))
+
+
+def sharing():
+    """Three members that share four goals; system 1 is at the first, 2 and 3 beside the last two."""
+    team = Team(SHARED)
+    mission = mission_from_text(LONG, "long.yaml").model_copy(update={"team": SHARED})
+    own = first_state(mission, 0.0)
+    team.own = replace(team.own, position_enu_m=(0.0, 0.0, 100.0))
+    owner = StateOwner(replace(own, rules=replace(own.rules, goals=GOALS), mode=Mode.ACTIVE))
+    team.exchange._flight = owner
+    team.begin()
+    for member, other in team.others.items():
+        other.auction = GoalAuction(member, np.array([g.position_enu_m[:2] for g in GOALS]), FRAME, 25.0)
+        other.auction.look(AHEAD_S, (1000.0 * member, -200.0), {1, 2, 3})
+    return team, owner
+
+
+def test_a_member_flies_the_goals_that_it_wins_and_those_of_one_that_is_lost():
+    team, owner = sharing()
+    assert (owner.state.goals, owner.state.is_on_call) == ((), True)
+    team.talk(10.0)
+    assert owner.state.goals == GOALS[:2]
+    assert team.told[-1] == "goals: 1, 2"
+    team.talk(85.0, without=(3,))
+    assert owner.state.goals == GOALS[:1]  # It is late there, and member 2 is nearer to what is free again.
+    assert not owner.state.has_arrived
+    team.talk(160.0, without=(2, 3))
+    assert set(owner.state.goals) == set(GOALS)
+    for goal in owner.state.goals:
+        team.own = replace(team.own, position_enu_m=goal.position_enu_m)
+        owner.apply(after_position, team.own)
+        team.talk(team.clock.now_s() + 1.0, without=(2, 3))
+    assert owner.state.has_arrived
+
+
+def test_a_member_that_a_pilot_flies_holds_no_goals_and_the_plan_of_a_lost_one_is_forgotten():
+    team, owner = sharing()
+    crossing(team)
+    team.talk(10.0)
+    assert [plan.member for plan in team.exchange.agreement.plans_to_clear()] == [2]
+    owner.apply(lambda state: replace(state, mode=Mode.SUSPENDED))
+    team.talk(20.0)
+    assert owner.state.goals == ()
+    assert team.others[2].auction.lists({1, 2, 3}).keys() == {2, 3}
+    for now_s in (60.0, 75.0):
+        team.talk(now_s, without=(2, 3))
+        team.exchange.with_members((sighted((700.0, 0.0, 100.0), now_s),), now_s)
+    team.talk(90.0, without=(2, 3))
+    assert [plan.member for plan in team.exchange.agreement.plans_to_clear()] == [2]  # It is seen still.
+    team.talk(140.0, without=(2, 3))
+    assert team.exchange.agreement.plans_to_clear() == ()
 
 
 def flying(bank_rad=0.0):

@@ -151,6 +151,55 @@ def test_without_a_map_there_is_no_view_from_the_side(window, live):
     assert page.run("return document.querySelector('.side').hidden")
 
 
+def member(system, place, plan, goals, **more):
+    told = {
+        "system": system, "is_own": False, "is_lost": False, "place_enu_m": place, "plan_enu_m": plan,
+        "circle_m": 100.0, "goals": goals,
+    }  # fmt: skip
+    return told | more
+
+
+def colour_at(page, place):
+    """Red, green and blue of the map's pixel at a place [m]."""
+    return page.run(
+        "const map = window.companionPage.page.map;"
+        "const [x, y] = map.pixelOf(arguments[0]);"
+        "const picture = map.canvas.getContext('2d').getImageData(x * map.ratio, y * map.ratio, 1, 1);"
+        "return [...picture.data].slice(0, 3)",
+        place,
+    )
+
+
+def test_members_of_a_team_are_seen_with_their_plans_and_whose_goal_is_whose(window, live, tmp_path):
+    told, server = live
+    plan = [[400.0, 1200.0, 120.0], [700.0, 1200.0, 120.0]]
+    team = {
+        "members": [
+            member(1, None, [], [1], is_own=True),
+            member(2, [500.0, 1300.0, 120.0], plan, [2]),
+            member(3, None, [[1200.0, 400.0, 120.0]], [], is_lost=True),
+        ],
+        "flown": [],
+    }  # fmt: skip
+    page = window()
+    page.look(server)
+    told.standing(21.0, team=team)
+    page.until("window.companionPage.page.store.others.length === 2")
+    assert page.run("return window.companionPage.page.store.goalNames")[0] == "goal 1, system 1"
+    page.until("document.getElementById('ground') && window.companionPage.page.map.scale > 0")
+    page.picture(tmp_path / "team.png")
+    place = [500.0, 1300.0]  # Where system 2 is.
+    shown = colour_at(page, place)
+    page.run("window.companionPage.page.map.layers.team = false; window.companionPage.page.map.draw()")
+    assert shown[0] < 60
+    assert colour_at(page, place) != shown
+    told.standing(22.0, team=team | {"flown": [1]})
+    page.until("window.companionPage.page.store.goalNames[0] === 'goal 1, flown'")
+    told.standing(23.0, team=team | {"flown": None})
+    page.until("window.companionPage.page.store.goalNames[0] === 'goal'")
+    assert page.is_content()
+
+
 # --- a running flight
 
 

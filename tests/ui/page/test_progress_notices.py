@@ -16,9 +16,9 @@ from tests.tracking.reports import report
 UNTIL_S, FLOODED_S = 12.0, 8.0
 
 
-def flown(*, is_watched=True, flood=0):
+def flown(*, is_watched=True, flood=0, identity="icao:00F100", more=""):
     """A flight, and what was told of it: (when, topic, message, whether it was written down)."""
-    harness, told = SitlHarness(mission_from_text(FIRST_FLIGHT, "first-flight.yaml")), []
+    harness, told = SitlHarness(mission_from_text(FIRST_FLIGHT + more, "first-flight.yaml")), []
 
     def look_on(topic, data):
         told.append((harness.now_s, topic, json.loads(data), False))
@@ -31,7 +31,7 @@ def flown(*, is_watched=True, flood=0):
     def step(harness):
         if harness.now_s >= FLOODED_S:
             for number in range(flood):
-                vehicle = report(harness.now_s, 800.0 + 0.1 * number, 300.0, identity="icao:00F100")
+                vehicle = report(harness.now_s, 800.0 + 0.1 * number, 300.0, identity=identity)
                 harness.app._take(vehicle, harness.now_s)
 
     harness.fly(UNTIL_S, step)
@@ -99,3 +99,13 @@ def test_the_feed_passes_it_on_and_keeps_it_for_nobody():
     assert woken == [1]
     assert feed.news() == ([b'/track {"stamp_s":1.0}'], False)
     assert not [line for line in feed.snapshot() if line.startswith(b"/track")]
+
+
+def test_a_member_of_a_team_is_not_told_as_a_vehicle_that_was_detected():
+    _, told = flown(flood=1, identity="system:2", more="team: {members: [1, 2]}\n")
+    tracks = [message["track"]["identity"] for _, topic, message, _ in told if topic == TRACK]
+    assert "system:2" not in tracks
+    rows = [
+        message["tracks"] for at, topic, message, _ in told if topic == channels.TRACKS and at > FLOODED_S
+    ]
+    assert any(row["identity"] == "system:2" and row["flies_on"] for tracks in rows for row in tracks)

@@ -1,6 +1,6 @@
 // The map: a canvas with the world, north up, in metres.
 
-import { clock, metres, trackKind, trackName } from "./words.js";
+import { clock, memberName, metres, trackKind, trackName } from "./words.js";
 import { Ground } from "./ground.js";
 import { Reach } from "./reach.js";
 
@@ -12,6 +12,7 @@ export const LAYERS = [
   ["operator", "operator's own items", true],
   ["returns", "return to launch from here", true],
   ["tracks", "moving threats and their radius", true],
+  ["team", "team: members and their plans", true],
   ["reach", "where they can be by then", true],
   ["field", "radar threat at this height", true],
   ["radars", "radars and their range", true],
@@ -178,7 +179,7 @@ export class GroundMap {
         return `${radar.name}: radar, up to ${metres(radar.max_threat_radius_m)}${store.isKnown(radar) ? "" : ", not sensed yet"}`;
       }
     }
-    for (const [number, goal] of store.goals.entries()) if (near(goal)) return `goal ${number + 1}, at ${goal[2].toFixed(0)} m`;
+    for (const [number, goal] of store.allGoals.entries()) if (near(goal)) return `${store.goalNames[number]}, at ${goal[2].toFixed(0)} m`;
     for (const [number, goal] of (store.trees?.sub_goals_enu_m ?? []).entries()) {
       if (this.layers.horizon && near(goal, 8)) return `sub goal ${number + 1} of the last plan's search`;
     }
@@ -210,7 +211,7 @@ export class GroundMap {
     if (!store.world?.bounds_m || !(this.scale > 0)) return;
     const layers = JSON.stringify(this.layers);
     const { version, standing } = store;
-    const still = [version.world, version.obstacles, store.known, layers, this.field?.height_m, this.ground.version, standing?.next_goal, standing?.goals];
+    const still = [version.world, version.obstacles, store.known, layers, this.field?.height_m, this.ground.version, standing?.next_goal, standing?.goals, store.goalNames.join()];
     this.keep(context, "still", still.join(), (kept) => this.drawStill(kept));
     const search = [version.trees, this.reach.version, layers];
     this.keep(context, "search", search.join(), (kept) => {
@@ -218,6 +219,7 @@ export class GroundMap {
       this.drawReach(kept);
     });
     this.drawWays(context);
+    this.drawTeam(context);
     this.drawTracks(context);
     this.drawHorizon(context);
     this.drawOwnship(context);
@@ -401,16 +403,16 @@ export class GroundMap {
       diamond(context, x, y, 6);
       context.fill();
     }
-    for (const [number, goal] of store.goals.entries()) {
+    for (const [number, goal] of store.allGoals.entries()) {
       const [x, y] = this.pixelOf(goal);
       context.fillStyle = context.strokeStyle = this.ink.goal;
-      context.globalAlpha = number < next ? 0.4 : 1;
+      context.globalAlpha = (store.isShared ? store.isFlownGoal(number) : number < next) ? 0.4 : 1;
       circle(context, x, y, Math.max(5, goal[3] * this.scale));
       context.lineWidth = 1.5;
       context.stroke();
       diamond(context, x, y, 6);
       context.fill();
-      this.label(context, store.goals.length > 1 ? `goal ${number + 1}` : "goal", x + 10, y - 8, this.ink.goal);
+      this.label(context, store.goalNames[number], x + 10, y - 8, this.ink.goal);
       context.globalAlpha = 1;
     }
   }
@@ -587,10 +589,46 @@ export class GroundMap {
     }
   }
 
+  // Each other member of the team: what it told that it flies, and where it is.
+  drawTeam(context) {
+    if (!this.layers.team) return;
+    this.toPixels(context);
+    context.fillStyle = context.strokeStyle = this.ink.team;
+    for (const member of this.store.others) {
+      context.globalAlpha = member.is_lost ? 0.4 : 0.9;
+      context.lineWidth = 2;
+      context.setLineDash([7, 4]);
+      context.beginPath();
+      for (const [index, place] of member.plan_enu_m.entries()) {
+        const [x, y] = this.pixelOf(place);
+        if (index) context.lineTo(x, y);
+        else context.moveTo(x, y);
+      }
+      context.stroke();
+      const end = member.plan_enu_m.at(-1);
+      if (end && member.circle_m) {
+        circle(context, ...this.pixelOf(end), member.circle_m * this.scale);
+        context.stroke();
+      }
+      context.setLineDash([]);
+      const place = member.place_enu_m ?? member.plan_enu_m[0];
+      if (place) {
+        const [x, y] = this.pixelOf(place);
+        if (member.place_enu_m) {
+          diamond(context, x, y, 7);
+          context.fill();
+        }
+        this.label(context, memberName(member), x + 11, y + 4, this.ink.team);
+      }
+    }
+    context.globalAlpha = 1;
+  }
+
   drawTracks(context) {
     if (!this.layers.tracks) return;
     this.toPixels(context);
-    for (const track of this.store.tracks) {
+    const members = new Set(this.layers.team ? this.store.others.map((member) => `system:${member.system}`) : []);
+    for (const track of this.store.tracks.filter((one) => !members.has(one.identity))) {
       const [x, y] = this.pixelOf(track.position_enu_m);
       const colour = track.flies_on ? this.ink.muted : this.ink.dynamic;
       context.fillStyle = context.strokeStyle = colour;
@@ -717,6 +755,12 @@ export class GroundMap {
       tracks: () => {
         context.fillStyle = ink.dynamic;
         square(context, 15, 7, 5);
+        context.fill();
+      },
+      team: () => {
+        context.fillStyle = ink.team;
+        stroke(ink.team, 2, [7, 4]);
+        diamond(context, 15, 7, 5);
         context.fill();
       },
       reach: () => stroke(ink.reach, 1.5),

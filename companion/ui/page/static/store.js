@@ -200,6 +200,36 @@ export class Store {
     return { level: Math.max(...levels.map(([level]) => level)), in_s: begin ? begin[1] : null };
   }
 
+  // The other members of the team.
+  get others() {
+    return (this.standing?.team?.members ?? []).filter((member) => !member.is_own);
+  }
+
+  // Whether the goals of the mission file are divided among the members.
+  get isShared() {
+    return Boolean(this.standing?.team?.flown);
+  }
+
+  isFlownGoal(number) {
+    return this.standing.team.flown.includes(number + 1);
+  }
+
+  // The goals of the team where it shares them, else those of this aircraft.
+  get allGoals() {
+    return this.isShared ? (this.world?.goals ?? []) : this.goals;
+  }
+
+  get goalNames() {
+    const goals = this.allGoals;
+    if (!this.isShared) return goals.map((_, number) => (goals.length > 1 ? `goal ${number + 1}` : "goal"));
+    const { members, flown } = this.standing.team;
+    return goals.map((_, number) => {
+      const owner = members.find((member) => member.goals.includes(number + 1));
+      const whose = flown.includes(number + 1) ? ", flown" : owner ? `, system ${owner.system}` : "";
+      return `goal ${number + 1}${whose}`;
+    });
+  }
+
   get goals() {
     return this.standing?.goals?.length ? this.standing.goals : (this.world?.goals ?? []);
   }

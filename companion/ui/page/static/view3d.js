@@ -166,7 +166,7 @@ export class SolidView {
   // Names beside what moves, and the goals.
   writeLabels() {
     const { store } = this;
-    const rows = store.goals.map((goal, number) => [goal, store.goals.length > 1 ? `goal ${number + 1}` : "goal", "goal"]);
+    const rows = store.allGoals.map((goal, number) => [goal, store.goalNames[number], "goal"]);
     for (const radar of store.world.radars ?? []) rows.push([radar.position_enu_m, radar.name, "radar"]);
     for (const track of store.tracks) rows.push([track.position_enu_m, trackName(track, store.world), "dynamic"]);
     if (store.ownship) rows.push([store.ownship.position_enu_m, `${store.ownship.position_enu_m[2].toFixed(0)} m up`, "flown"]);
@@ -220,7 +220,7 @@ export class SolidView {
       rim.position.y = base;
       group.add(rim);
     }
-    for (const goal of store.goals) {
+    for (const goal of store.allGoals) {
       const ball = new Mesh(new SphereGeometry(Math.max(goal[3], size / 120), 24, 16), new MeshLambertMaterial({ color: ink.goal, transparent: true, opacity: 0.75 }));
       ball.position.copy(at(goal));
       group.add(ball);

@@ -53,6 +53,11 @@ export function trackName(track, world) {
   return threats.length === 1 && !track.flies_on ? threats[0].name : track.identity;
 }
 
+export function memberName(member) {
+  const goals = member.goals.length ? `, goal ${member.goals.join(", ")}` : "";
+  return `system ${member.system}${member.is_lost ? ", lost" : goals}`;
+}
+
 export function trackKind(track) {
   if (track.flies_on) return "aircraft passing";
   if (track.speed_max_m_s < 1) return "parked";
