@@ -240,13 +240,9 @@ class RadarConfig(Section):
 
     def radar(self) -> Radar:
         """Return the radar in the world's types; raises ThreatModelError if its model cannot be used."""
-        plain = Radar(
-            name=self.name,
-            position_enu_m=(float(self.east_m), float(self.north_m), float(self.up_m)),
-            max_threat_radius_m=float(self.max_threat_radius_m),
-            boundary_coefficient_per_m=float(self.boundary_coefficient_per_m),
-            is_listed=self.known_beforehand,
-        )
+        place = float(self.east_m), float(self.north_m), float(self.up_m)
+        reach_m, slope = float(self.max_threat_radius_m), float(self.boundary_coefficient_per_m)
+        plain = Radar(self.name, place, reach_m, slope, is_listed=self.known_beforehand)
         return with_sight(plain, self.model, self.model_values)
 
 

@@ -142,23 +142,28 @@ class ThrustMonitor:
 
     def _loss(self, now_s: float, throttle_max: float) -> str:
         """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
-        now, (young, old) = self._rate(now_s), REFERENCE_S
-        earlier = [rate for rate in self._rates if now_s - rate.stamp_s >= young]
-        recent = np.array([rate for rate in earlier if now_s - rate.stamp_s <= old])
-        changes = [abs(rate.change_m_s) for rate in earlier if math.isfinite(rate.change_m_s)]
-        if now is None or not len(recent) or not changes:
+        now, reference = self._rate(now_s), self._reference(now_s)
+        if now is None or reference is None or now.energy_m_s > -LOSS_M_S:
             return ""
-        _, usual, throttle, _ = np.median(recent, axis=0)
-        deviation = MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
-        if now.energy_m_s > -max(LOSS_M_S, 2.0 * deviation):
-            return ""
+        usual, throttle, deviation = reference
         lost = f"{-now.energy_m_s:.1f} m/s of height are lost"
-        if now.throttle >= OPEN_SHARE * throttle_max:
+        if now.throttle >= OPEN_SHARE * throttle_max and now.energy_m_s <= -2.0 * deviation:
             return f"{lost} with the throttle open"
         expected = usual + FULL_THROTTLE_M_S * max(now.throttle - throttle, 0.0)
         has_dropped = now.energy_m_s < expected - max(DROP_M_S, DROP_DEVIATIONS * deviation)
         is_same = now.throttle >= max(throttle - SAME_THROTTLE, WORKING_SHARE)
         return f"{lost} with the throttle as before" if has_dropped and is_same else ""
+
+    def _reference(self, now_s: float) -> tuple[float, float, float] | None:
+        """Return the usual rate [m/s] and throttle, and the standard deviation of gusts [m/s]; None too early."""
+        young, old = REFERENCE_S
+        earlier = [rate for rate in self._rates if now_s - rate.stamp_s >= young]
+        recent = np.array([rate for rate in earlier if now_s - rate.stamp_s <= old])
+        changes = [abs(rate.change_m_s) for rate in earlier if math.isfinite(rate.change_m_s)]
+        if not len(recent) or not changes:
+            return None
+        _, usual, throttle, _ = np.median(recent, axis=0)
+        return usual, throttle, MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
 
     def gains(self, now_s: float) -> bool:
         """Return whether the aircraft gains energy, or its engine runs."""
