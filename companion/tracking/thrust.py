@@ -155,7 +155,7 @@ class ThrustMonitor:
         return f"{lost} with the throttle as before" if has_dropped and is_same else ""
 
     def _reference(self, now_s: float) -> tuple[float, float, float] | None:
-        """Return the usual rate [m/s] and throttle, and the gusts' standard deviation [m/s]; None early on."""
+        """Return the usual rate [m/s] and throttle, and the gusts' spread [m/s]; None early on."""
         young, old = REFERENCE_S
         earlier = [rate for rate in self._rates if now_s - rate.stamp_s >= young]
         recent = np.array([rate for rate in earlier if now_s - rate.stamp_s <= old])
