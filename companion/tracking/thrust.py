@@ -44,7 +44,7 @@ SAME_THROTTLE = 0.03  # A throttle that is lower by less counts as the same.
 STILL_S = 1.0  # An engine that reported a speed stands still after this time without any.
 STILL_RPM = 100.0  # Slower engines stand still.
 IDLE_SHARE = 0.3  # Below this throttle an electric motor may stand still.
-ASKED_S = 2.0  # An engine that was asked for thrust for this time runs, and has reported it.
+ASKED_S = 1.0  # An engine runs when it was asked for thrust for this time.
 
 
 class _Sample(NamedTuple):
@@ -76,6 +76,7 @@ class ThrustMonitor:
         self._rates: deque[_Rate] = deque()
         self._ran = False
         self._still_since_s: float | None = None
+        self._reported_s = -math.inf  # Time of the newest report of the engine's speed.
         self._asked_since_s = math.inf
         self._lost_since_s: float | None = None
 
@@ -115,6 +116,7 @@ class ThrustMonitor:
             self._rates.popleft()
 
     def _note_engine(self, event: EngineSpeed) -> None:
+        self._reported_s = event.stamp_s
         if event.speed_rpm > STILL_RPM:
             self._ran, self._still_since_s = True, None
         elif self._ran and self._still_since_s is None:
@@ -130,7 +132,7 @@ class ThrustMonitor:
         throttle_max : float
             Largest throttle that the autopilot may command, as a share of 1.
         """
-        if self._is_still(now_s) and now_s - self._asked_since_s >= ASKED_S:
+        if self._is_still(now_s) and self._reported_s - self._asked_since_s >= ASKED_S:
             return "the engine stands still"
         loss = self._loss(now_s, throttle_max)
         if not loss:
