@@ -13,6 +13,7 @@ from companion.mission.glide.landing_choice import (
     LandingChoice,
     best_field,
     choice_for,
+    narrowest_m,
     open_ground,
 )
 from companion.tracking.ownship import predicted
@@ -123,12 +124,16 @@ def final_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
 
 
 def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> LandingChoice:
-    """Return a choice from where the aircraft is now, its circle unchanged."""
-    glides = [
-        glide_to(options.model, begin.position_enu_m, begin.heading_rad, place[:2], begin.wind_enu_m_s)
-        for place in (choice.place.position_enu_m, choice.approach.centre_enu_m)
-    ]
-    direct, to_circle = glides
+    """Return a choice from where the aircraft is now, its circle unchanged.
+
+    The turn to the field is as narrow as autopilots fly it: with a wider one a final would arrive too high.
+    """
+    model = options.model
+    narrow = replace(model, turn_radius_m=min(model.turn_radius_m, narrowest_m(model.airspeed_m_s)))
+    direct, to_circle = (
+        glide_to(of, begin.position_enu_m, begin.heading_rad, place[:2], begin.wind_enu_m_s)
+        for of, place in ((narrow, choice.place.position_enu_m), (model, choice.approach.centre_enu_m))
+    )
     if direct is None:  # The field lies within the circle of a turn: what was last known is lost from here.
         direct = replace(choice.direct, begin_enu_m=begin.position_enu_m, heading_rad=begin.heading_rad)
     return choice._replace(direct=direct, to_circle=to_circle or choice.to_circle)

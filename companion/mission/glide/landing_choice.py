@@ -233,8 +233,12 @@ def circle_radius_m(model: GlideModel, wind_enu_m_s: Wind) -> float:
     wind_enu_m_s : tuple of float
         Velocity of the air, east and north [m/s].
     """
-    fastest = model.airspeed_m_s + math.hypot(*wind_enu_m_s)
-    return max(model.turn_radius_m, fastest**2 / (GRAVITY_M_S2 * math.tan(CIRCLE_BANK_RAD)))
+    return max(model.turn_radius_m, narrowest_m(model.airspeed_m_s + math.hypot(*wind_enu_m_s)))
+
+
+def narrowest_m(speed_m_s: float) -> float:
+    """Return the radius of a turn at the bank of circles, at a speed [m/s], in metres."""
+    return speed_m_s**2 / (GRAVITY_M_S2 * math.tan(CIRCLE_BANK_RAD))
 
 
 def _circles(model: GlideModel, place: LandingPlace, wind_enu_m_s: Wind) -> Iterator[Approach]:
