@@ -4,9 +4,8 @@
 The sdist is built from the commit that is checked out, and the wheel from the sdist, so that each holds what
 the next needs. Both are built with the installed setuptools; nothing is fetched. The wheel is installed into
 a fresh environment. There it names its version, checks a shipped mission, plans it and flies it in the
-simulator. make_deb.py makes and
-tries the Debian package, where that can be done. What passes is put into dist, beside a bill of materials,
-the checksums and the notes: the newest section of CHANGELOG.md.
+simulator. make_deb.py makes and tries the Debian package, where that can be done. What passes is put into
+dist, beside a bill of materials, the checksums and the notes: the newest section of CHANGELOG.md.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from companion.config.sections.glide_section import FieldConfig
 from companion.config.sections.terrain_section import TerrainConfig
 from companion.config.source import KeyPath
 from companion.errors import ThreatModelError
+from companion.frames import FloatArray
 from companion.kernels.arrays import Ground
 from companion.planning.plugins.installed_planners import method_fault
 from companion.planning.plugins.installed_threats import InstalledSight
@@ -261,17 +262,21 @@ def _planning(config: MissionConfig) -> Iterator[Finding]:
 
 
 def _radars(config: MissionConfig) -> Iterator[Finding]:
-    sides = (np.linspace(*limits, MODEL_TRIALS) for limits in (config.bounds.east_m, config.bounds.north_m))
-    places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
     for index, entry in enumerate(config.radars):
         if entry.model_values and not entry.model:
             yield ("radars", index, "model_values"), "left out, since the radar has no model"
         try:
             sight = entry.radar().lowest_seen_m
             if isinstance(sight, InstalledSight):
-                sight.lowest_seen_m(places)
+                sight.lowest_seen_m(_trial_places(config))
         except ThreatModelError as error:
             yield ("radars", index, "model"), f"a model that works: {error}"
+
+
+def _trial_places(config: MissionConfig) -> FloatArray:
+    """Return places (N, 2) over the bounds at which a radar's model is tried [m]."""
+    sides = (np.linspace(*limits, MODEL_TRIALS) for limits in (config.bounds.east_m, config.bounds.north_m))
+    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
 
 
 def _names(config: MissionConfig) -> Iterator[Finding]:

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -202,11 +202,7 @@ class GoalAuction:
     @property
     def told(self) -> GoalBid:
         """What this member says now; it has bid already."""
-        own = self._bids[self._member].bid
-        return GoalBid(
-            own.tick, own.latitude_e7, own.longitude_e7, own.airspeed_steps, own.goal, own.takes_ticks,
-            own.is_available, self._flown,
-        )  # fmt: skip
+        return replace(self._bids[self._member].bid, flown=self._flown)
 
     def _bid(
         self,

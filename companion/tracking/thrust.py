@@ -144,8 +144,11 @@ class ThrustMonitor:
 
     def _loss(self, now_s: float, throttle_max: float) -> str:
         """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
-        now, reference = self._rate(now_s), self._reference(now_s)
-        if now is None or reference is None or now.energy_m_s > -LOSS_M_S:
+        now = self._rate(now_s)
+        if now is None or now.energy_m_s > -LOSS_M_S:
+            return ""
+        reference = self._reference(now_s)
+        if reference is None:
             return ""
         usual, throttle, deviation = reference
         lost = f"{-now.energy_m_s:.1f} m/s of height are lost"
@@ -160,11 +163,11 @@ class ThrustMonitor:
         """Return the usual rate [m/s] and throttle, and the gusts' spread [m/s]; None early on."""
         young, old = REFERENCE_S
         earlier = [rate for rate in self._rates if now_s - rate.stamp_s >= young]
-        recent = np.array([rate for rate in earlier if now_s - rate.stamp_s <= old])
+        recent = [(rate.energy_m_s, rate.throttle) for rate in earlier if now_s - rate.stamp_s <= old]
         changes = [abs(rate.change_m_s) for rate in earlier if math.isfinite(rate.change_m_s)]
-        if not len(recent) or not changes:
+        if not recent or not changes:
             return None
-        _, usual, throttle, _ = np.median(recent, axis=0)
+        usual, throttle = np.median(recent, axis=0)
         return usual, throttle, MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
 
     def gains(self, now_s: float) -> bool:

@@ -29,12 +29,12 @@ def packed_threats(
     shape = (math.ceil(width / spacing) + 1, math.ceil(height / spacing) + 1)
     grid = np.array([bounds[0], bounds[2], spacing])
     shadows = np.zeros((len(rows), *shape))
-    nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
     for radar, row, shadow in zip(radars, rows, shadows, strict=True):
         fill_shadows(shadow, grid, row, obstacles)
         if has_ground(obstacles.ground):
             fill_ground_shadows(shadow, grid, row, obstacles.ground)
         if radar.lowest_seen_m is not None:
+            nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
             floor = radar.lowest_seen_m(grid[:2] + spacing * nodes)
             np.maximum(shadow, floor.reshape(shape), out=shadow)
     return Threats(radars=rows, known=np.ones(len(rows), dtype=np.int64), shadows=shadows, grid=grid)

@@ -232,21 +232,17 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     ends = [np.array([place.east_m, place.north_m]) for place in (start, goal)]
     goals_free = Free(free_m, 2.0 * circle_m + beside_m)
     starts_free = Free(free_m, 2.0 * float(mission.vehicle.turn_radius_min_m) + beside_m)
+    if mission.shares_goals:
+        return _missions_of_shared_goals(mission, team, num, starts_free)
     num_of = [(num + 1) // 2, num // 2]
-    goals = (
-        []
-        if mission.shares_goals
-        else [
-            _spots(mission, end, count, goals_free, lambda place, _: place)
-            for end, count in zip(ends, num_of[::-1], strict=True)
-        ]
-    )
+    goals = [
+        _spots(mission, end, count, goals_free, lambda place, _: place)
+        for end, count in zip(ends, num_of[::-1], strict=True)
+    ]
 
     def circled_from(way: int) -> Circled:
         return lambda place, index: _circle_before_the_first_plan(mission, place, goals[1 - way][index])
 
-    if mission.shares_goals:
-        return _missions_of_shared_goals(mission, team, num, starts_free)
     starts = [
         _spots(mission, end, count, starts_free, circled_from(way))
         for way, (end, count) in enumerate(zip(ends, num_of, strict=True))
@@ -254,27 +250,10 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     missions = []
     for number in range(num):
         way, index = number % 2, number // 2
-        begin, finish = starts[way][index], goals[1 - way][index]
-        toward = finish - begin
-        missions.append(
-            mission.model_copy(
-                update={
-                    "name": f"{mission.name}-{number + 1}",
-                    "start": start.model_copy(
-                        update={
-                            "east_m": float(begin[0]),
-                            "north_m": float(begin[1]),
-                            "course_deg": math.degrees(math.atan2(toward[0], toward[1])) % 360.0,
-                        }
-                    ),
-                    "goals": (
-                        goal.model_copy(update={"east_m": float(finish[0]), "north_m": float(finish[1])}),
-                    ),
-                    "dynamic_threats": (),
-                    "team": team.model_copy(update={"members": tuple(range(1, num + 1))}),
-                }
-            )
-        )
+        finish = goals[1 - way][index]
+        own_goal = goal.model_copy(update={"east_m": float(finish[0]), "north_m": float(finish[1])})
+        member = _mission_of_member(mission, team, (number + 1, num), starts[way][index], finish)
+        missions.append(member.model_copy(update={"goals": (own_goal,)}))
     return missions
 
 
@@ -287,22 +266,35 @@ def _missions_of_shared_goals(
         mission, np.array([start.east_m, start.north_m]), num, free,
         lambda place, _: _circle_before_the_first_plan(mission, place, first),
     )  # fmt: skip
-    shared = team.model_copy(update={"members": tuple(range(1, num + 1))})
-    missions = []
-    for number, (east_m, north_m) in enumerate(places, 1):
-        course_deg = math.degrees(math.atan2(first[0] - east_m, first[1] - north_m)) % 360.0
-        update = {"east_m": float(east_m), "north_m": float(north_m), "course_deg": course_deg}
-        missions.append(
-            mission.model_copy(
-                update={
-                    "name": f"{mission.name}-{number}",
-                    "start": start.model_copy(update=update),
-                    "dynamic_threats": (),
-                    "team": shared,
-                }
-            )
-        )
-    return missions
+    return [
+        _mission_of_member(mission, team, (number, num), place, first)
+        for number, place in enumerate(places, 1)
+    ]
+
+
+def _mission_of_member(
+    mission: MissionConfig,
+    team: TeamConfig,
+    member_of: tuple[int, int],
+    begin: FloatArray,
+    toward: FloatArray,
+) -> MissionConfig:
+    """Return the mission of one of so many members, from ``begin`` (2,), towards ``toward`` (2,) [m]."""
+    number, num = member_of
+    east_m, north_m = toward - begin
+    start = {
+        "east_m": float(begin[0]),
+        "north_m": float(begin[1]),
+        "course_deg": math.degrees(math.atan2(east_m, north_m)) % 360.0,
+    }
+    return mission.model_copy(
+        update={
+            "name": f"{mission.name}-{number}",
+            "start": mission.start.model_copy(update=start),
+            "dynamic_threats": (),
+            "team": team.model_copy(update={"members": tuple(range(1, num + 1))}),
+        }
+    )
 
 
 def _circle_before_the_first_plan(mission: MissionConfig, place: FloatArray, goal: FloatArray) -> FloatArray:

@@ -84,8 +84,7 @@ class TeamExchange:
         self._announced = AnnouncedPlan()
         self._is_asking = False
         self._lost = frozenset[int]()
-        self._sighted_s: dict[int, float] = {}  # UTC of the last position of each member.
-        self._places: dict[int, tuple[float, float, float]] = {}  # Where each was then.
+        self._sightings: dict[int, TrackState] = {}  # the last one of each member
 
     @property
     def agreement(self) -> Agreement | None:
@@ -118,10 +117,10 @@ class TeamExchange:
         if agreement is None or utc_s is None:
             return False
         self._announce(agreement, utc_s)
-        has_other_goals = self._share_goals(agreement, utc_s)
+        lost = agreement.members_lost(utc_s)
+        has_other_goals = self._share_goals(agreement, utc_s, lost)
         for payload in agreement.outgoing(utc_s):
             self._link.send(self._link.codec.team_message(payload))
-        lost = agreement.members_lost(utc_s)
         for member in sorted(lost ^ self._lost):
             is_lost = member in lost
             text = f"system {member} is {'lost' if is_lost else 'received'}"
@@ -132,7 +131,7 @@ class TeamExchange:
         self._lost = lost
         return has_other_goals
 
-    def _share_goals(self, agreement: Agreement, utc_s: float) -> bool:
+    def _share_goals(self, agreement: Agreement, utc_s: float, lost: frozenset[int]) -> bool:
         """Take part in the auction of goals; return whether this member flies other goals from now on.
 
         The plan of a lost member ends in a circle about a goal. Nobody else could fly there as long as that
@@ -142,9 +141,9 @@ class TeamExchange:
         ownship = self._ownship.state(self._clock.now_s())
         if auction is None or config is None or ownship is None:
             return False
-        lost = agreement.members_lost(utc_s)
         for member in lost:
-            if utc_s - self._sighted_s.get(member, -math.inf) >= config.lost_after_s:
+            seen = self._sightings.get(member)
+            if seen is None or self._clock.now_s() - seen.observed_s >= config.lost_after_s:
                 agreement.forget(member)
         east_m, north_m, _ = ownship.position_enu_m
         won = auction.look(
@@ -270,7 +269,7 @@ class TeamExchange:
                 "system": member,
                 "is_own": member == agreement.member,
                 "is_lost": member in lost,
-                "place_enu_m": None if member in lost else self._places.get(member),
+                "place_enu_m": self._place_of(member) if member not in lost else None,
                 "plan_enu_m": _told_rows(plans.get(member)),
                 "circle_m": round(plans[member].radius_m, 1) if member in plans else 0.0,
                 "goals": [goal + 1 for goal in lists.get(member, ())],
@@ -279,6 +278,10 @@ class TeamExchange:
         ]
         flown = None if auction is None else [goal + 1 for goal in auction.flown]
         return {"members": rows, "flown": flown}
+
+    def _place_of(self, member: int) -> tuple[float, float, float] | None:
+        track = self._sightings.get(member)
+        return None if track is None else track.position_enu_m
 
     # --- where the others will be
 
@@ -301,8 +304,7 @@ class TeamExchange:
         sighted, others = members_among(tracks, config.members)
         for member, track in sighted.items():
             agreement.observe(member, track.position_enu_m, track.stamp_s + ahead_s)
-            self._sighted_s[member] = track.observed_s + ahead_s
-            self._places[member] = track.position_enu_m
+            self._sightings[member] = track
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
         plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
