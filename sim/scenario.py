@@ -139,4 +139,6 @@ def build(
         autopilot.is_armed = False
     pursuers = [*pursuers_of(mission), *aircraft]
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
-    return Scenario(dynamics, flight, autopilot, pursuers, tracks, Truth(mission.obstacle_list, ground))
+    goal = mission.goals[-1]
+    truth = Truth(mission.obstacle_list, (goal.east_m, goal.north_m, goal.up_m), ground)
+    return Scenario(dynamics, flight, autopilot, pursuers, tracks, truth)

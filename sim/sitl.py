@@ -121,10 +121,7 @@ class Flight:
     @property
     def goal_reached(self) -> bool:
         """Whether the true path passed the last goal within its radius."""
-        goal = self.mission.goals[-1]
-        rows = np.array(self.simulator.truth.path)[:, 1:4]
-        away = np.linalg.norm(rows - (goal.east_m, goal.north_m, goal.up_m), axis=1)
-        return bool(away.min() <= goal.acceptance_radius_m)
+        return self.simulator.truth.min_goal_distance_m <= self.mission.goals[-1].acceptance_radius_m
 
     async def fly(self, on_step: Callable[[Flight], None] | None = None) -> None:
         """Fly until the goal is reached, something is hit, or the time limit has passed.

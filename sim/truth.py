@@ -24,6 +24,8 @@ class Truth:
     ----------
     obstacles : tuple of Obstacle
         Obstacles that the aircraft may hit.
+    goal_enu_m : (float, float, float)
+        The last goal [m].
     ground : TrueGround, optional
         Ground that it may hit; by default it is flat at the origin's height.
 
@@ -41,15 +43,19 @@ class Truth:
         infinite if never between them.
     min_ground_height_m : float
         Smallest height over ground [m].
+    min_goal_distance_m : float
+        Smallest distance to the last goal [m].
     """
 
     obstacles: tuple[Obstacle, ...]
+    goal_enu_m: tuple[float, float, float]
     ground: TrueGround | None = None
     path: list[list[float]] = field(default_factory=list)
     threat_paths: dict[str, list[list[float]]] = field(default_factory=dict)
     collision: bool = False
     min_obstacle_clearance_m: float = math.inf
     min_ground_height_m: float = math.inf
+    min_goal_distance_m: float = math.inf
 
     def __post_init__(self) -> None:
         self._polygons = np.array([Polygon(entry.polygon_enu_m) for entry in self.obstacles], dtype=object)
@@ -76,6 +82,7 @@ class Truth:
         ]
         previous = self.path[-1] if self.path else row
         self.path.append(row)
+        self.min_goal_distance_m = min(self.min_goal_distance_m, math.dist(row[1:4], self.goal_enu_m))
         self._check(previous, row)
 
     def record_threat(self, now_s: float, name: str, position: tuple[float, float]) -> None:

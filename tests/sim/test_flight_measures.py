@@ -12,7 +12,7 @@ from sim.truth import Truth
 
 def truth_of(times, east, places, walls=()):
     """East along the axis at 30 m up, past threats that stand."""
-    truth = Truth(tuple(walls))
+    truth = Truth(tuple(walls), (0.0, 0.0, 0.0))
     truth.path = [[float(t), float(x), 0.0, 30.0, 0.0, 0.0, 10.0] for t, x in zip(times, east, strict=True)]
     truth.threat_paths = {name: [[float(t), *place] for t in times] for name, place in places.items()}
     return truth
