@@ -118,6 +118,18 @@ def test_settles_on_a_loiter_circle(direction):
     assert np.sign(rows[:, 5].mean()) == direction
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("aside_m", [5.0, -5.0])
+def test_headed_for_the_middle_of_a_circle_it_turns_onto_it(direction, aside_m):
+    """ArduPlane's loiter law holds a wrong way round against it only on the way out (``AP_L1_Control``)."""
+    aircraft = flight(18.0, Weather())
+    aircraft.steering = Circle((130.0, aside_m), 65.0, direction, 100.0)
+    rows = fly(aircraft, 40.0)
+    distance = np.hypot(rows[:, 0] - 130.0, rows[:, 1] - aside_m)
+    assert distance.min() > 30.0
+    assert np.abs(distance[-100:] - 65.0).max() < 8.0
+
+
 @pytest.mark.parametrize("change_m", [60.0, -60.0])
 def test_climbs_and_descends_along_a_leg(change_m):
     aircraft = flight(25.0, Weather(), up_m=300.0)
