@@ -107,13 +107,15 @@ class EnergyWatch:
             "turn_back_in_s": None if outlook is None else outlook.turn_back_in_s,
         }
 
-    def look(self, now_s: float) -> bool:
-        """Compute the margin, once a second, and inform the pilot.
+    def look(self, now_s: float, *, has_thrust: bool = True) -> bool:
+        """Compute the margin, once a second, and inform the pilot; not in a glide, which needs no battery.
 
         Parameters
         ----------
         now_s : float
             The clock's reading [s].
+        has_thrust : bool
+            Whether the engine runs.
 
         Returns
         -------
@@ -125,7 +127,7 @@ class EnergyWatch:
         if not state.phase.is_airborne:
             self._forget_flight()
         now = self.now(now_s)
-        if now is None or ownship is None or not state.phase.is_airborne:
+        if now is None or ownship is None or not (state.phase.is_airborne and has_thrust):
             self.outlook = None
             return False
         self._tell_ratio(now_s)

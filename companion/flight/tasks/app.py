@@ -409,7 +409,7 @@ class App:
         """Compute once a second what the battery allows; return to launch when it is time."""
         while True:
             now = self._clock.now_s()
-            if self.replanning.energy.look(now):
+            if self.replanning.energy.look(now, has_thrust=self.replanning.performance.has_thrust):
                 self.change(ModeEvent.OTHER_MISSION)  # Nothing is planned or uploaded from now on.
                 await self.replanning.handover.return_to_launch()
             status = self.replanning.energy.status(now)

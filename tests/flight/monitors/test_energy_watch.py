@@ -47,14 +47,14 @@ class Scripted:
         self.told.append((self.now_s, pilot_message(tell, **values).text))
         self.whys.append((text, why))
 
-    def second(self, turn_back_in_s=math.inf, at_home_wh=20.0, report=True):
+    def second(self, turn_back_in_s=math.inf, at_home_wh=20.0, report=True, has_thrust=True):
         """Fly for a second at the model's 400 W; whether a return is commanded."""
         self.now_s += 1.0
         self.outlook = EnergyOutlook(5.0, 10.0, turn_back_in_s, 30.0, at_home_wh)
         if report:
             used_wh = self.drain * self.now_s / 9.0
             self.watch.observe(BatteryReported(self.now_s, None, used_wh, 22.0))
-        return self.watch.look(self.now_s)
+        return self.watch.look(self.now_s, has_thrust=has_thrust)
 
     def put(self, **changes):
         self.flight.state = replace(self.flight.state, **changes)
@@ -104,6 +104,15 @@ def test_at_once_if_less_is_left_and_again_after_there_was_more(monkeypatch):
     assert scripted.texts() == [
         "Battery: turn back in 42 s", "Battery: turn back in 59 s", "Battery: turn back in 12 s",
     ]  # fmt: skip
+
+
+def test_without_thrust_nothing_is_told_and_no_return_is_commanded(monkeypatch):
+    scripted = begun(monkeypatch, drain=3.0)
+    for seconds in (20.0, 2.0, 0.0):
+        assert not scripted.second(seconds, has_thrust=False)
+    assert scripted.texts() == []
+    assert scripted.watch.outlook is None
+    assert scripted.second(0.0)
 
 
 def test_a_battery_that_falls_too_fast_is_told_once(monkeypatch):
