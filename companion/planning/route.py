@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from companion.kernels.search.path_assessment import RowAssessment, assess_rows
 from companion.kernels.search.path_edit import (
     JOINED,
     air_time,
+    fill_air_times,
     is_clear,
     is_flyable,
     join,
@@ -33,7 +35,7 @@ SPARE_ROWS = 64
 COURSE_CHANGES_RAD = (0.0, 0.35, -0.35, 0.8, -0.8)  # These offsets from the bearing to the goal are tried.
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Route:
     """Rows of a path.
 
@@ -56,7 +58,7 @@ class Route:
         """A copy of the first ``n`` rows."""
         return cls(rows.states[:n].copy(), rows.times[:n].copy(), rows.rates[:n].copy())
 
-    @property
+    @functools.cached_property
     def rows(self) -> PathRows:
         """The route as kernels take it; the same memory."""
         return PathRows(self.states, self.times, self.rates)
@@ -113,8 +115,7 @@ def route_from_path(exploration: Exploration, path: Path) -> Route:
     route = Route(np.ascontiguousarray(states), path.times_s.copy(), np.zeros((len(path), 2)))
     then = exploration.limits._replace(wind_x=path.wind_enu_m_s[0], wind_y=path.wind_enu_m_s[1])
     steps = np.ones(len(path))
-    for k in range(1, len(path)):
-        steps[k] = air_time(route.rows, k, then)
+    fill_air_times(route.rows, len(path), then, steps)
     route.rates[:, 0] = np.diff(np.unwrap(directions), prepend=directions[0]) / steps
     route.rates[:, 1] = np.diff(path.climb_angles_rad, prepend=path.climb_angles_rad[0]) / steps
     if path.wind_enu_m_s != exploration.problem.snapshot.wind_enu_m_s:

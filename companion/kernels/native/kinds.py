@@ -7,12 +7,13 @@ row.
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import typing
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -108,7 +109,7 @@ def kind_of(annotation: Any) -> Kind:
         return Scalar(SCALARS[annotation])
     origin = typing.get_origin(annotation)
     if origin is Annotated and isinstance(typing.get_args(annotation)[1], Array):
-        return typing.cast("Array", typing.get_args(annotation)[1])
+        return cast("Array", typing.get_args(annotation)[1])
     if origin is tuple:
         return Tuple(tuple(kind_of(item) for item in typing.get_args(annotation)))
     if isinstance(annotation, type):
@@ -199,7 +200,7 @@ def add_words(words: list[Any], kind: Kind, value: Any, where: str) -> None:
             or not value.flags.c_contiguous
         ):
             raise TypeError(f"{where}: {_described(value)}: expected a {kind}")
-        words.append(value.__array_interface__["data"][0])
+        words.append(_address_of(value))
         words += value.shape
     elif isinstance(kind, Pointer):
         if not isinstance(value, kind.cls):
@@ -213,6 +214,14 @@ def add_words(words: list[Any], kind: Kind, value: Any, where: str) -> None:
                 words.append(value[index])
             else:
                 add_words(words, item, value[index], f"{where}[{index}]")
+
+
+def _address_of(array: Any) -> int:
+    """Return where an array's first number lies, by the quickest way that there is for it."""
+    flags = array.flags
+    if flags.writeable and array.size:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))
+    return cast("int", array.__array_interface__["data"][0])
 
 
 def _described(value: object) -> str:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from companion.kernels.arrays import Float1D, Int1D, Limits
-from companion.kernels.native.kernel import inlined, kernel_numpy_errors
+from companion.kernels.native.kernel import inlined, kernel_numpy_errors, local_floats
 from companion.kernels.native.struct import Struct
 from companion.kernels.objective.cost_to_go import (
     SETTLED_S,
@@ -31,6 +31,7 @@ from companion.kernels.objective.cost_to_go import (
 
 DIRECTIONS = 8
 SHORTENED = 0.924  # cos(22.5°): no way is longer in eight directions by more than its inverse.
+BITS = 20  # There are fewer nodes along each axis than 2 to the power of this.
 STEEPER = 1.1  # A step may be steeper than a climb by this factor: a flight need not begin at the nodes.
 
 
@@ -83,6 +84,19 @@ def take(queue: Buckets, bucket: int) -> tuple[float, int]:
 
 
 @inlined
+def entry_of(direction: int, i: int, j: int, k: int) -> int:
+    """A node and its direction as one number, taken apart without a division."""
+    return (((direction << BITS | i) << BITS) | j) << BITS | k
+
+
+@inlined
+def numbers_in(entry: int) -> tuple[int, int, int, int]:
+    """The direction and the node of :func:`entry_of`."""
+    mask = (1 << BITS) - 1
+    return entry >> 3 * BITS, entry >> 2 * BITS & mask, entry >> BITS & mask, entry & mask
+
+
+@inlined
 def step_of(direction: int) -> tuple[int, int]:
     """The columns east and north of a step in one of eight directions, counter-clockwise from east."""
     d = direction % DIRECTIONS
@@ -109,19 +123,22 @@ def fill_cost_over_ground(
     ``goal`` (≥ 3,) is its centre [m].
     """
     values, rate, grid, first = field.values, field.rate, field.grid, g * DIRECTIONS
-    _, m, p = rate.shape
-    num, count, queue.sizes[:] = 0, rate.size, 0
+    num, p, queue.sizes[:] = 0, rate.shape[2], 0
     queue.firsts[:] = -1
     queue.width[0] = (
         SHORTENED * min(grid[3], grid[4]) / (limits.v_cruise + math.hypot(limits.wind_x, limits.wind_y))
     )
     _begin(field, first, goal, limits, heap, queue)
     up_most, down_most = STEEPER * math.tan(limits.climb_max), STEEPER * math.tan(limits.descent_max)
+    times, flats = local_floats(DIRECTIONS), local_floats(DIRECTIONS)
+    for d in range(DIRECTIONS):
+        di, dj = step_of(d)
+        dx, dy = di * grid[3], dj * grid[4]
+        times[d], flats[d] = 0.5 * SHORTENED * time_along(dx, dy, limits), math.hypot(dx, dy) / grid[5]
     for bucket in range(queue.firsts.shape[0]):
         while queue.firsts[bucket] >= 0:
             key, entry = take(queue, bucket)
-            arrives, node = entry // count, entry % count
-            i, j, k = place_of(rate, node)
+            arrives, i, j, k = numbers_in(entry)
             if key > values[first + arrives, i, j, k] + SETTLED_S:
                 continue
             num += 1
@@ -129,20 +146,17 @@ def fill_cost_over_ground(
             a, b = i - di, j - dj
             if not is_inside(rate, a, b, 0):
                 continue
-            dx, dy = di * grid[3], dj * grid[4]
-            taken, flat = SHORTENED * time_along(dx, dy, limits), math.hypot(dx, dy)
             above = (height_of(field, i, j, k) - height_of(field, a, b, 0)) / grid[5]
-            lowest = max(0, int(math.ceil(above - up_most * flat / grid[5])))
-            highest = min(p - 1, int(math.floor(above + down_most * flat / grid[5])))
-            for c in range(lowest, highest + 1):
-                if rate[a, b, c] == math.inf:
-                    continue
-                found = key + taken * 0.5 * (rate[i, j, k] + rate[a, b, c])
-                for turn in range(-1, 2):
-                    d = (arrives + turn + DIRECTIONS) % DIRECTIONS
+            lowest = max(0, int(math.ceil(above - up_most * flats[arrives])))
+            highest = min(p - 1, int(math.floor(above + down_most * flats[arrives])))
+            here = rate[i, j, k]
+            for turn in range(-1, 2):
+                d = (arrives + turn) % DIRECTIONS
+                for c in range(lowest, highest + 1):
+                    found = key + times[arrives] * (here + rate[a, b, c])
                     if found < values[first + d, a, b, c] - SETTLED_S and has_room(queue):
                         values[first + d, a, b, c] = found
-                        put(queue, found, d * count + (a * m + b) * p + c)
+                        put(queue, found, entry_of(d, a, b, c))
     return num
 
 
@@ -157,4 +171,4 @@ def _begin(field: CostField, first: int, goal: Float1D, limits: Limits, heap: He
         i, j, k = place_of(value, node)
         if value[i, j, k] < math.inf:
             for d in range(DIRECTIONS):
-                put(queue, value[i, j, k], d * value.size + node)
+                put(queue, value[i, j, k], entry_of(d, i, j, k))

@@ -29,6 +29,7 @@ ONE_TURN_M = 0.1  # Two turns to the same side with less straight flight between
 HEIGHT_TOLERANCE_M = 1e-3
 UNSURE = 0.25  # From this share of the least turn on, an edge counts neither as straight nor as a turn.
 SPEED_GAP_M_S = 0.5  # The speeds at the ends of an edge between two poses may differ by this much.
+SPEED_SPARE_M_S = 0.1  # A short cut may begin faster than the row that it leads to by this much.
 SPEED_TOLERANCE_M_S = 1e-3  # A speed may exceed what an edge can gain by this much.
 # Tolerance of the turn rate limit, for edges that are sampled across the end of a turn.
 TURN_TOLERANCE = 1e-3
@@ -98,6 +99,13 @@ def climb_profile(
 def air_time(rows: PathRows, k: int, limits: Limits) -> float:
     """How long the edge to row ``k`` takes in still air [s]: turns, climbs and lengths go by it."""
     return (rows.times[k] - rows.times[k - 1]) / slowness(rows.states[k - 1], rows.states[k], limits)
+
+
+@kernel
+def fill_air_times(rows: PathRows, n: int, limits: Limits, steps: Float1D) -> None:
+    """:func:`air_time` of the edges that end in rows 1 to ``n - 1``, into ``steps`` (N,) [s]."""
+    for k in range(1, n):
+        steps[k] = air_time(rows, k, limits)
 
 
 @kernel
@@ -279,3 +287,21 @@ def splice(
         out.times[m] = out.times[m - 1] + rows.times[k] - rows.times[k - 1]
         m += 1
     return JOINED, m, at
+
+
+@kernel
+def fill_short_cut(
+    rows: PathRows, n: int, i: int, j: int, limits: Limits, obstacles: Obstacles, out: PathRows
+) -> tuple[int, int]:
+    """Replace rows ``i`` to ``j`` by a Dubins edge in ``out``, if that is sooner, flyable and clear.
+
+    Returns the new number of rows, or 0 if it is not, and the row that ``j`` has become.
+    """
+    if rows.states[i, 5] > rows.states[j, 5] + SPEED_SPARE_M_S:  # it would be as fast to its end
+        return 0, 0
+    status, m, at = splice(rows, n, i, rows.states[i], False, j, limits, out)
+    if status != JOINED or out.times[at] >= rows.times[j] or not is_flyable(out, m, i + 1, limits):
+        return 0, 0
+    if not is_clear(out, i + 1, at + 1, obstacles, limits):
+        return 0, 0
+    return m, at

@@ -8,15 +8,13 @@ from collections.abc import Callable
 import numpy as np
 
 from companion.kernels.objective.row_costs import Objective, longest_seen
-from companion.kernels.search.path_edit import JOINED, is_clear, is_flyable, splice
-from companion.kernels.workspace import empty_rows
+from companion.kernels.search.path_edit import fill_short_cut
+from companion.kernels.workspace import PathRows, empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.least_objective.prices import objective_between
 from companion.planning.route import Route, assess_route, cost_between, pursuit_risk, visits_goals
 
 SPARE_ROWS = 64
-SPEED_SPARE_M_S = 0.1  # A short cut may be faster than the row that it leads to by this much.
-NOWHERE = np.zeros(6)  # Stands for a pose that is not given.
 LEAST_GAIN_S = 1e-9  # A short cut that lowers J by less gains nothing.
 
 
@@ -39,7 +37,7 @@ def shortened_route(
     should_stop : callable
         Asked before each short cut whether the time is over.
     """
-    problem, kept = exploration.problem, 0
+    problem, kept, out = exploration.problem, 0, room_for(route)
     rounds, risk_s = problem.settings.smooth_iterations, pursuit_risk(exploration, route).total_s
     is_within_limits = keeps_limits(exploration, objective, route)
     for iteration in range(rounds):
@@ -47,7 +45,7 @@ def shortened_route(
         if n < 4 or should_stop():
             break
         i, j = drawn_stretch(exploration.rng, n, 1.0 - iteration / rounds)
-        cut = short_cut(exploration, route, i, j)
+        cut = short_cut(exploration, route, i, j, out)
         if cut is None or not visits_goals(cut[0].states, problem.goals):
             continue
         gain_s = objective_between(objective, route, i + 1) - objective_between(objective, cut[0], i + 1)
@@ -55,7 +53,8 @@ def shortened_route(
             continue
         other_s = pursuit_risk(exploration, cut[0]).total_s
         if other_s <= risk_s:
-            route, risk_s, kept = Route.of(cut[0].rows, len(cut[0])), other_s, kept + 1
+            route, risk_s, kept = Route.of(out, len(cut[0])), other_s, kept + 1
+            out = room_for(route)
     return route, kept
 
 
@@ -66,24 +65,21 @@ def drawn_stretch(rng: np.random.Generator, num_rows: int, share: float) -> tupl
     return first, min(num_rows - 1, first + 3 + int(rng.integers(0, widest)))
 
 
-def short_cut(exploration: Exploration, route: Route, i: int, j: int) -> tuple[Route, int] | None:
+def room_for(route: Route) -> PathRows:
+    """Room for a route with a short cut."""
+    return empty_rows(len(route) + SPARE_ROWS)
+
+
+def short_cut(
+    exploration: Exploration, route: Route, i: int, j: int, out: PathRows
+) -> tuple[Route, int] | None:
     """The route with a Dubins edge from row ``i`` to ``j``, if that is sooner, flyable and clear.
 
-    With it the row that ``j`` has become.
+    With it the row that ``j`` has become. It lies in ``out`` (:func:`room_for`).
     """
-    limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
-    n, states = len(route), route.states
-    if states[i, 5] > states[j, 5] + SPEED_SPARE_M_S:  # it would be as fast to its end
-        return None
-    rows = empty_rows(n + SPARE_ROWS)
-    status, m, at = splice(route.rows, n, i, NOWHERE, False, j, limits, rows)
-    if status != JOINED or rows.times[at] >= route.times[j]:
-        return None
-    if not is_flyable(rows, m, i + 1, limits):
-        return None
-    if not is_clear(rows, i + 1, at + 1, obstacles, limits):
-        return None
-    return Route(rows.states[:m], rows.times[:m], rows.rates[:m]), at
+    obstacles = exploration.problem.snapshot.obstacles
+    m, at = fill_short_cut(route.rows, len(route), i, j, exploration.limits, obstacles, out)
+    return (Route(out.states[:m], out.times[:m], out.rates[:m]), at) if m else None
 
 
 def keeps_limits(exploration: Exploration, objective: Objective, route: Route) -> bool:

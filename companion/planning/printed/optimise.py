@@ -15,7 +15,7 @@ from companion.kernels.printed.rrt_star import STAR_DRAWS, rrt_star
 from companion.kernels.search.growth import grow
 from companion.kernels.search.path_edit import air_time
 from companion.planning.explore import Exploration
-from companion.planning.least_objective.short_cuts import drawn_stretch, short_cut
+from companion.planning.least_objective.short_cuts import drawn_stretch, room_for, short_cut
 from companion.planning.problem import GoalRegion
 from companion.planning.route import (
     Assessment,
@@ -151,13 +151,13 @@ def smoothed_route(
         How many short cuts were kept.
     """
     problem, settings = exploration.problem, exploration.problem.settings
-    kept, weight = 0, settings.weight_collision
+    kept, weight, out = 0, settings.weight_collision, room_for(route)
     spare = RISK_SPARE if weight > 0.0 else math.inf
     for iteration in range(settings.smooth_iterations):
         if len(route) < 4 or should_stop():
             break
         i, j = drawn_stretch(exploration.rng, len(route), 1.0 - iteration / settings.smooth_iterations)
-        cut = short_cut(exploration, route, i, j)
+        cut = short_cut(exploration, route, i, j, out)
         if cut is None:
             continue
         shorter, at = cut
@@ -172,7 +172,8 @@ def smoothed_route(
         more = laid.log_risk(i + 1, at) - known.log_risk(i + 1, j)
         if more <= spare and gain - weight * more > 1e-9:
             spare = min(spare, spare - more)
-            route = Route.of(shorter.rows, len(shorter))
+            route = Route.of(out, len(shorter))
+            out = room_for(route)
             known = assess_route(exploration, route, laid, at + 1)
             kept += 1
     return route, known, kept
