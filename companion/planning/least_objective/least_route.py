@@ -52,7 +52,7 @@ FINDING_ALONE = (*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2])
 # Over ground, where the aircraft climbs and sinks all the time, short motions make a tree far too large. Its
 # motions are about as long as the cells of V.
 FINDING_NEAR_GROUND = (
-    Patience(1.2, 3_000, stride=3), Patience(1.5, 6_000, stride=2), Patience(2.0, 10_000, stride=4),
+    Patience(1.2, 3_000, stride=3), Patience(2.0, 10_000, stride=4), Patience(1.5, 6_000, stride=2),
     Patience(2.0, 10_000), Patience(1.1, 40_000, stride=2),
 )  # fmt: skip
 IMPROVING = Patience(1.02, 8_000)
