@@ -49,7 +49,7 @@ _KINDS = {
     "missing": "a value for this key{unit}",
 }
 _SIMILARITY_MIN = 0.6  # Less similar keys are not suggested.
-_SAME_SECTION_BONUS = 0.1  # Bonus for a key of the section that contains the unknown key.
+_MISPLACED_MIN = 0.85  # A key of another section is suggested from this similarity on.
 
 
 def unit_of(key: str) -> str | None:
@@ -127,19 +127,28 @@ def _nearest(path: KeyPath, model: type[BaseModel]) -> str:
 def _most_similar(wanted: str, section: str, known: dict[str, list[str]]) -> tuple[float, str, str]:
     """Return similarity, name and section of the key that is meant.
 
-    That is a key of the same section, if any is similar enough; the file itself holds keys of all kinds.
+    That is a key of the same section, if any is similar enough; the file itself holds keys of all kinds. Else
+    it is one that is nearly the same elsewhere, also with its section's name.
     """
-    rated = [
-        (_similarity(wanted, key) + (_SAME_SECTION_BONUS if name == section else 0.0), key, name)
+    here = [(_similarity(wanted, key), key, section) for key in known.get(section, [])]
+    elsewhere = [
+        (max(_ratio(wanted, key), _ratio(wanted, f"{name}_{key}")), key, name)
         for name, keys in known.items()
         for key in keys
+        if name != section
     ]
-    own = [entry for entry in rated if section and entry[2] == section and entry[0] >= _SIMILARITY_MIN]
-    return max(own or rated)
+    found = [entry for entry in here if entry[0] >= _SIMILARITY_MIN]
+    if not (section and found):
+        found += [entry for entry in elsewhere if entry[0] >= _MISPLACED_MIN]
+    return max(found, default=(0.0, "", ""))
+
+
+def _ratio(wanted: str, key: str) -> float:
+    return difflib.SequenceMatcher(None, wanted, key).ratio()
 
 
 def _similarity(wanted: str, key: str) -> float:
-    ratio = difflib.SequenceMatcher(None, wanted, key).ratio()
+    ratio = _ratio(wanted, key)
     stem = wanted.split("_", maxsplit=1)[0]  # The noun makes "radius_ft" similar to "max_threat_radius_m".
     return max(ratio, 0.6) if len(stem) > 3 and stem in key.split("_") else ratio
 

@@ -116,6 +116,7 @@ def test_message_names_file_line_key_value_and_expectation():
         ("max_threat_radius_m: 500", "radius_ft: 9", "radars.0.radius_ft", "max_threat_radius_m (metres)"),
         ("start: {", "start_course_deg: 9\nstart: {", "start_course_deg", "course_deg (degrees), in start"),
         ("goals:", "goal:", "goal", "goals"),
+        ("start: {", "start: {path: 1, ", "start.path", "one of east_m, north_m"),
         ("dimension: 2", "zzz: 2", "zzz", "one of name, description, dimension"),
     ],
 )
