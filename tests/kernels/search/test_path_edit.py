@@ -223,6 +223,25 @@ def test_splices_that_fail_say_so():
     assert s.splice(straight, 41, 5, nothing, False, 35, LIMITS, tight)[0] == s.TOO_LONG
 
 
+def test_a_short_cut_by_hand():
+    """A detour over (500, 100) becomes 1,000 m straight on, 40 edges of a second, if no wall is there."""
+    detour = rows(200)
+    _, n = s.join(detour, 1, np.array([500.0, 100.0, 200.0, 0.0, 0.0, 25.0]), LIMITS)
+    _, n = s.join(detour, n, np.array([1000.0, 0.0, 200.0, 0.0, 0.0, 25.0]), LIMITS)
+    out = empty_rows(200)
+    assert s.fill_short_cut(detour, n, 0, n - 1, LIMITS, packed([]), out) == (41, 40)
+    assert out.times[:41] == pytest.approx(10.0 + np.arange(41.0))
+    assert out.states[:41, 1] == pytest.approx(np.zeros(41), abs=1e-6)
+    wall = packed([box("wall", 490.0, -5.0, 510.0, 5.0)])
+    assert s.fill_short_cut(detour, n, 0, n - 1, LIMITS, wall, out) == (0, 0)
+    detour.states[0, 5] = 25.2  # Faster than the row that it leads to by more than 0.1 m/s.
+    assert s.fill_short_cut(detour, n, 0, n - 1, LIMITS, packed([]), out) == (0, 0)
+
+
+def test_a_short_cut_of_a_straight_line_is_none():
+    assert s.fill_short_cut(straight_rows(41), 41, 5, 35, LIMITS, packed([]), empty_rows(80)) == (0, 0)
+
+
 def test_a_ramp_by_hand():
     # From level over 0.2 rad back to level, at most 0.1 rad from one angle to the next, in five steps of
     # 25 m: 0, 0.1, 0.2, 0.2, 0.1, 0. Each step climbs at the mean of its ends' angles:
@@ -284,6 +303,13 @@ def test_climb_profiles_gain_the_height_within_angle_and_pitch_rate(rise, start,
     low = np.maximum(-math.radians(10.0), np.maximum(start - most * k, end - most * (steps - k)))
     reach = [sum(ds * np.tan(0.5 * (a[1:] + a[:-1]))) for a in (low, high)]
     assert rise < reach[0] + 2e-3 or rise > reach[1] - 2e-3
+
+
+def test_air_times_of_all_edges_are_those_of_each():
+    path, steps = straight_rows(5), np.full(5, np.nan)
+    s.fill_air_times(path, 5, LIMITS, steps)
+    assert steps[1:] == pytest.approx([s.air_time(path, k, LIMITS) for k in range(1, 5)])
+    assert steps[1:] == pytest.approx(np.ones(4))
 
 
 def test_time_stamps_go_by_the_wind():
