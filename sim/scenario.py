@@ -139,6 +139,6 @@ def build(
         autopilot.is_armed = False
     pursuers = [*pursuers_of(mission), *aircraft]
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
-    goal = mission.goals[-1]
-    truth = Truth(mission.obstacle_list, (goal.east_m, goal.north_m, goal.up_m), ground)
+    goals = [(goal.east_m, goal.north_m, goal.up_m) for goal in mission.goals]
+    truth = Truth(mission.obstacle_list, goals[-1] if goals else None, ground)
     return Scenario(dynamics, flight, autopilot, pursuers, tracks, truth)

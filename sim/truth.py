@@ -24,8 +24,8 @@ class Truth:
     ----------
     obstacles : tuple of Obstacle
         Obstacles that the aircraft may hit.
-    goal_enu_m : (float, float, float)
-        The last goal [m].
+    goal_enu_m : (float, float, float) or None
+        The last goal [m]; None if the goals are the operator's waypoints.
     ground : TrueGround, optional
         Ground that it may hit; by default it is flat at the origin's height.
 
@@ -44,11 +44,11 @@ class Truth:
     min_ground_height_m : float
         Smallest height over ground [m].
     min_goal_distance_m : float
-        Smallest distance to the last goal [m].
+        Smallest distance to the last goal [m]; infinite without one.
     """
 
     obstacles: tuple[Obstacle, ...]
-    goal_enu_m: tuple[float, float, float]
+    goal_enu_m: tuple[float, float, float] | None
     ground: TrueGround | None = None
     path: list[list[float]] = field(default_factory=list)
     threat_paths: dict[str, list[list[float]]] = field(default_factory=dict)
@@ -82,7 +82,8 @@ class Truth:
         ]
         previous = self.path[-1] if self.path else row
         self.path.append(row)
-        self.min_goal_distance_m = min(self.min_goal_distance_m, math.dist(row[1:4], self.goal_enu_m))
+        if self.goal_enu_m is not None:
+            self.min_goal_distance_m = min(self.min_goal_distance_m, math.dist(row[1:4], self.goal_enu_m))
         self._check(previous, row)
 
     def record_threat(self, now_s: float, name: str, position: tuple[float, float]) -> None:

@@ -4,6 +4,7 @@ Recordings of a real ArduPlane 4.7 in valley.yaml (tests/data/README.md), replay
 simulator, where the flight goes on to its end.
 """
 
+import functools
 import re
 
 import pytest
@@ -20,9 +21,14 @@ VALLEY = load_mission(CONFIGS / "valley.yaml")
 SOON_S = re.compile(r"meets .* in (\d+) s: (.*)")
 
 
-def decided(recording, kind):
+@functools.cache
+def decisions(recording):
     _, found = replayed(DATA / f"arduplane-4.7dev-{recording}.tlog", VALLEY)
-    return [(entry.stamp_s, entry.text) for entry in found.decisions if entry.kind == kind]
+    return found.decisions
+
+
+def decided(recording, kind):
+    return [(entry.stamp_s, entry.text) for entry in decisions(recording) if entry.kind == kind]
 
 
 def test_a_real_failsafes_return_into_a_ridge_is_told_at_once():
