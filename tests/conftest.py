@@ -43,6 +43,30 @@ COMPILED = {
 }
 
 
+# Long tests that show once more what others show, by how their names begin: they are left to `make test-long`.
+REPEATED = (
+    *(
+        f"tests/docs/test_commands.py::test_every_command_of_a_page_works[{page}.md"
+        for page in ("own-threat", "own-mission", "campaigns", "connecting")
+    ),
+    *(
+        f"tests/flight/test_somebody_else.py::test_after_safe_a_handback_within_ten_seconds_hits_nothing[{at_s}"
+        for at_s in (48, 54, 66)
+    ),
+    "tests/flight/monitors/test_return_watch.py::test_where_nothing_was_announced_a_return_hits_nothing[80",
+    "tests/flight/monitors/test_return_watch.py::test_where_it_was_called_not_safe_it_hits[120",
+    "tests/flights/test_team.py::test_two_that_fly_towards_each_other_agree_to_pass_apart[px4",
+    "tests/returns/test_return_flights.py::test_by_the_checked_path_it_touches_nothing_with_the_service_killed[px4",
+    "tests/flight/test_wind.py::test_where_it_will_be_in_half_a_minute_is_known_in_the_wind[px4",
+    "tests/ground/test_flights_over_ground.py::test_ridges_are_passed_low_and_out_of_the_radars_sight[px4",
+    "tests/flight/test_flight_day.py::test_two_flights_a_day_without_a_restart[px4",
+    *(
+        f"tests/service/replay/test_corruptions.py::test_a_few_corruptions_of_a_part[px4-1.17dev-replace.tlog-{kind}"
+        for kind in ("flipped", "shuffled")
+    ),
+)
+
+
 @pytest.fixture
 def companion_command(monkeypatch, capsys):
     """The command line, for tests of what lies behind it."""
@@ -64,9 +88,11 @@ def pytest_pyfunc_call(pyfuncitem):
 
 
 def pytest_itemcollected(item):
-    """Mark what needs compiled kernels."""
+    """Mark what needs compiled kernels, and what is long and repeats another test."""
     if item.nodeid.startswith(tuple(COMPILED)):
         item.add_marker("compiled")
+    if item.nodeid.startswith(REPEATED):
+        item.add_marker("slow")
 
 
 def pytest_xdist_make_scheduler(config, log):
