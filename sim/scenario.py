@@ -30,6 +30,7 @@ from .vehicle.control import TICK_S, Flight
 from .vehicle.fdm import FlightDynamics, Start, Weather
 from .vehicle.sensors import Sensors
 from .vehicle.simulated_battery import SimulatedBattery
+from .vehicle.true_ground import TrueGround
 
 
 @dataclass(slots=True)
@@ -139,6 +140,10 @@ def build(
         autopilot.is_armed = False
     pursuers = [*pursuers_of(mission), *aircraft]
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
+    return Scenario(dynamics, flight, autopilot, pursuers, tracks, _truth(mission, ground))
+
+
+def _truth(mission: MissionConfig, ground: TrueGround | None) -> Truth:
+    """What judges the flight."""
     goals = [(goal.east_m, goal.north_m, goal.up_m) for goal in mission.goals]
-    truth = Truth(mission.obstacle_list, goals[-1] if goals else None, ground)
-    return Scenario(dynamics, flight, autopilot, pursuers, tracks, truth)
+    return Truth(mission.obstacle_list, goals[-1] if goals else None, ground)

@@ -43,7 +43,7 @@ COMPILED = {
 }
 
 
-# Long tests that show once more what others show, by how their names begin: they are left to `make test-long`.
+# Long tests that show what others show, by how their names begin: they are left to `make test-long`.
 REPEATED = (
     *(
         f"tests/docs/test_commands.py::test_every_command_of_a_page_works[{page}.md"
