@@ -30,7 +30,6 @@ from .vehicle.control import TICK_S, Flight
 from .vehicle.fdm import FlightDynamics, Start, Weather
 from .vehicle.sensors import Sensors
 from .vehicle.simulated_battery import SimulatedBattery
-from .vehicle.true_ground import TrueGround
 
 
 @dataclass(slots=True)
@@ -140,10 +139,11 @@ def build(
         autopilot.is_armed = False
     pursuers = [*pursuers_of(mission), *aircraft]
     tracks = TrackSource(autopilot, pursuers, projection, tracking)
-    return Scenario(dynamics, flight, autopilot, pursuers, tracks, _truth(mission, ground))
+    truth = Truth(mission.obstacle_list, _last_goal(mission), ground)
+    return Scenario(dynamics, flight, autopilot, pursuers, tracks, truth)
 
 
-def _truth(mission: MissionConfig, ground: TrueGround | None) -> Truth:
-    """What judges the flight."""
+def _last_goal(mission: MissionConfig) -> tuple[float, float, float] | None:
+    """The last goal [m], if the mission file has any."""
     goals = [(goal.east_m, goal.north_m, goal.up_m) for goal in mission.goals]
-    return Truth(mission.obstacle_list, goals[-1] if goals else None, ground)
+    return goals[-1] if goals else None
