@@ -2,7 +2,7 @@
 
 Theory of operation. The rules of :data:`_RULES` are evaluated in their order, and the first answer decides.
 Each rule notes the numbers that it used, for the record. To avoid dithering, a new plan replaces a sound
-flown path only if it costs less by the mission file's ``swap_gain``, and by more if the flown path is held.
+flown path only if it costs less by the mission file's ``swap_gain``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ COVERED_HORIZONS_MIN = 1.5  # A mission that covers less than this many time hor
 VIOLATIONS_RECORDED_MAX = 5  # At most this many violations are recorded.
 # A flown path that pursuers can reach for no longer than this is not left for that reason.
 REACHABLE_MAX_S = 1.0
-HELD_GAIN_FACTOR = 5.0  # A held path is replaced only by one that saves this multiple of swap_gain.
 
 
 class DecisionKind(Enum):
@@ -251,7 +250,7 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
     """Answer if the plan saves ``swap_gain``; by (9) a path above the threat limit costs infinitely much."""
     gain = gain_of(case.plan)
     why |= {"gain": gain, "carried_s": case.covered_s, "carried_min_s": covered_min_s(case.state)}
-    if gain < float(case.state.mission.planning.swap_gain) * (HELD_GAIN_FACTOR if case.holds_flown else 1.0):
+    if gain < float(case.state.mission.planning.swap_gain):
         return None
     flown_cost = case.plan.flown_cost or 0.0
     instead = f" instead of {flown_cost:.1f}"
