@@ -2,7 +2,8 @@
 
 Theory of operation. The rules of :data:`_RULES` are evaluated in their order, and the first answer decides.
 Each rule notes the numbers that it used, for the record. To avoid dithering, a new plan replaces a sound
-flown path only if it costs less by the mission file's ``swap_gain``.
+flown path only if it costs less by the mission file's ``swap_gain``, and by more if it arrives later than a
+flown path that is held.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ COVERED_HORIZONS_MIN = 1.5  # A mission that covers less than this many time hor
 VIOLATIONS_RECORDED_MAX = 5  # At most this many violations are recorded.
 # A flown path that pursuers can reach for no longer than this is not left for that reason.
 REACHABLE_MAX_S = 1.0
+# A held path is left for one that arrives later only if that saves this multiple of swap_gain: otherwise the
+# aircraft would lose its lead over pursuers bit by bit.
+LATER_GAIN_FACTOR = 5.0
 
 
 class DecisionKind(Enum):
@@ -193,6 +197,12 @@ class _Case:
         return is_pursued and away <= goal.acceptance_radius_m and is_as_promised
 
     @cached_property
+    def arrives_later(self) -> bool:
+        """Whether the plan arrives later than the flown path does."""
+        rest = self.start.rest
+        return rest is not None and bool(self.path.times_s[-1] > rest.times_s[-1])
+
+    @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:
         """Violations of the rest of the flown path."""
         return () if self.start.rest is None else self.state.violations_of(self.start.rest)
@@ -250,7 +260,8 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
     """Answer if the plan saves ``swap_gain``; by (9) a path above the threat limit costs infinitely much."""
     gain = gain_of(case.plan)
     why |= {"gain": gain, "carried_s": case.covered_s, "carried_min_s": covered_min_s(case.state)}
-    if gain < float(case.state.mission.planning.swap_gain):
+    factor = LATER_GAIN_FACTOR if case.holds_flown and case.arrives_later else 1.0
+    if gain < factor * float(case.state.mission.planning.swap_gain):
         return None
     flown_cost = case.plan.flown_cost or 0.0
     instead = f" instead of {flown_cost:.1f}"

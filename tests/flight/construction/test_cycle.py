@@ -166,17 +166,28 @@ def test_a_path_that_no_pursuer_can_reach_goes_before_one_that_costs_less(caught
     assert judge(flying(begun(), straight()), found, start(straight())).verdict is verdict
 
 
-@pytest.mark.parametrize(("promised", "is_pursued"), [(100.0, True), (99.0, True), (100.0, False)])
-def test_a_safe_path_as_good_as_promised_is_what_is_extended_and_left_for_a_twentieth_less(
-    promised, is_pursued
+@pytest.mark.parametrize(
+    ("cost", "later_s", "promised", "is_pursued", "kind"),
+    [
+        (76.0, 1.0, 100.0, True, "keep"),
+        (74.0, 1.0, 100.0, True, "better"),
+        (94.0, 0.0, 100.0, True, "better"),
+        (94.0, 1.0, 99.0, True, "better"),
+        (94.0, 1.0, 100.0, False, "better"),
+    ],
+)
+def test_a_safe_path_as_good_as_promised_is_left_for_a_later_arrival_only_for_a_quarter_less(
+    cost, later_s, promised, is_pursued, kind
 ):
-    """The flown path costs 100 now. No pursuer can reach it, nor the other one, which saves 6 %."""
-    found = replace(plan(straight(), 94.0, 100.0), flown_pursuit=PursuitRisk())
+    """The flown path costs 100 now. Where that is more than promised, or nobody pursues, 5 % are enough."""
+    path = straight()
+    later = replace(path, times_s=path.times_s * (1.0 + later_s / path.times_s[-1]))
+    found = replace(plan(later, cost, 100.0), flown_pursuit=PursuitRisk())
     made = flying(begun(), straight(), cost=promised)
     if is_pursued:
         made = replace(made, picture=ThreatPicture(tracks=(FAR_OFF,)))
     judged = judge(made, found, start(straight()))
-    assert judged.verdict.value == "better"
+    assert judged.verdict.value == kind
     assert judged.holds_flown is (is_pursued and promised == 100.0)
 
 
