@@ -173,10 +173,7 @@ class Flight:
 
     def has_arrived(self) -> bool:
         """Return whether the goal is reached, by the service or, if that does not plan, by the truth."""
-        if not self.route_enu_m:
-            return self.app.mode is Mode.ARRIVED
-        goal, here = self.mission.goals[-1], self.simulator.truth.path[-1]
-        return math.dist(here[1:4], (goal.east_m, goal.north_m, goal.up_m)) <= goal.acceptance_radius_m
+        return self.goal_reached if self.route_enu_m else self.app.mode is Mode.ARRIVED
 
     async def _step(self, clock: ManualClock, theirs: MemoryTransport, running: asyncio.Task[None]) -> None:
         """Advance simulated time once, and let the service act on it."""

@@ -46,10 +46,6 @@ COMPILED = {
 # Long tests that show what others show, by how their names begin: they are left to `make test-long`.
 REPEATED = (
     *(
-        f"tests/docs/test_commands.py::test_every_command_of_a_page_works[{page}.md"
-        for page in ("own-threat", "own-mission", "campaigns", "connecting")
-    ),
-    *(
         f"tests/flight/test_somebody_else.py::test_after_safe_a_handback_within_ten_seconds_hits_nothing[{at_s}"
         for at_s in (48, 54, 66)
     ),

@@ -107,7 +107,7 @@ class EnergyWatch:
             "turn_back_in_s": None if outlook is None else outlook.turn_back_in_s,
         }
 
-    def look(self, now_s: float, *, has_thrust: bool = True) -> bool:
+    def look(self, now_s: float, *, has_thrust: bool) -> bool:
         """Compute the margin, once a second, and inform the pilot; not in a glide, which needs no battery.
 
         Parameters
