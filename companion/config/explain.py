@@ -130,16 +130,18 @@ def _most_similar(wanted: str, section: str, known: dict[str, list[str]]) -> tup
     That is a key of the same section, if any is similar enough; the file itself holds keys of all kinds. Else
     it is one that is nearly the same elsewhere, also with its section's name.
     """
-    here = [(_similarity(wanted, key), key, section) for key in known.get(section, [])]
-    elsewhere = [
-        (max(_ratio(wanted, key), _ratio(wanted, f"{name}_{key}")), key, name)
-        for name, keys in known.items()
-        for key in keys
-        if name != section
-    ]
-    found = [entry for entry in here if entry[0] >= _SIMILARITY_MIN]
+    found = [(_similarity(wanted, key), key, section) for key in known.get(section, [])]
+    found = [entry for entry in found if entry[0] >= _SIMILARITY_MIN]
     if not (section and found):
-        found += [entry for entry in elsewhere if entry[0] >= _MISPLACED_MIN]
+        elsewhere = {
+            spelling: (key, name)
+            for name, keys in sorted(known.items())
+            for key in keys
+            if name != section
+            for spelling in (key, f"{name}_{key}")
+        }
+        for spelling in difflib.get_close_matches(wanted, elsewhere, n=1, cutoff=_MISPLACED_MIN):
+            found.append((_ratio(wanted, spelling), *elsewhere[spelling]))
     return max(found, default=(0.0, "", ""))
 
 
