@@ -94,6 +94,11 @@ class VehicleLink:
         """Whether the vehicle has been received."""
         return self.autopilot.dialect is not None
 
+    @property
+    def hears_autopilot(self) -> bool:
+        """Whether the vehicle has been received, or an autopilot whose next heartbeat confirms it."""
+        return self.has_received or self.codec.identity.has_candidate
+
     async def open(self, take: Callable[[Event, float], None], parameters: ParameterStore) -> None:
         """Open the transport.
 
@@ -111,7 +116,8 @@ class VehicleLink:
 
     def receive(self, data: bytes, address: Address | None = None) -> None:
         """Process received bytes: record, pass on and answer each frame, then deliver its events."""
-        now_s, peer, had_received = self._clock.now_s(), self.codec.identity.peer, self.has_received
+        now_s, peer = self._clock.now_s(), self.codec.identity.peer
+        heard, had_received = self.hears_autopilot, self.has_received
         frames = self.codec.feed(data, now_s, address)
         if (now_at := self.codec.identity.peer) is not None and now_at != peer:
             self.transport.answer_to(now_at)
@@ -129,8 +135,9 @@ class VehicleLink:
                 self._take(event, now_s)
             if self.streams.settings != settings:
                 self._take(SettingsReported(now_s, self.streams.settings), now_s)
-        if self.has_received and not had_received:
+        if self.hears_autopilot and not heard:
             self._observer.received()
+        if self.has_received and not had_received:
             self.send(self.streams.due(self.codec, now_s))
 
     def send(self, data: bytes) -> None:

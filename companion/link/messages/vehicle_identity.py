@@ -83,6 +83,11 @@ class VehicleIdentity:
         self._reported: _ReportedState | None = None
         self._distrusted_until_s = -math.inf
 
+    @property
+    def has_candidate(self) -> bool:
+        """Whether an autopilot has been received that is not yet confirmed as the vehicle."""
+        return bool(self._candidates)
+
     def is_autopilot(self, system_id: int, component_id: int) -> bool:
         """Return whether these are the ids of the vehicle's autopilot."""
         return system_id == self.system_id and component_id == ComponentId.AUTOPILOT1

@@ -40,8 +40,8 @@ class Report:
     ----------
     is_warm : bool
         True if the kernels are compiled.
-    has_received : bool
-        True if the autopilot has been received.
+    hears_autopilot : bool
+        True if an autopilot has been received; its next heartbeat may still have to confirm it.
     mode : str
         What the service may do, and the autopilot's mode.
     last_decision : str
@@ -49,19 +49,19 @@ class Report:
     """
 
     is_warm: bool
-    has_received: bool
+    hears_autopilot: bool
     mode: str
     last_decision: str = ""
 
     @property
     def is_ready(self) -> bool:
         """Whether it can plan for an autopilot that is present."""
-        return self.is_warm and self.has_received
+        return self.is_warm and self.hears_autopilot
 
     def __str__(self) -> str:
         if not self.is_warm:
             return "loading or compiling the planner's kernels"
-        if not self.has_received:
+        if not self.hears_autopilot:
             return "waiting for the first heartbeat of an autopilot"
         return f"{self.mode}; last: {self.last_decision}" if self.last_decision else self.mode
 

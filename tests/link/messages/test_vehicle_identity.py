@@ -30,11 +30,14 @@ def heartbeats(codec, data, stamp_s, address=None):
 
 def test_the_first_autopilot_heard_is_not_the_vehicle_yet():
     codec = Codec()
+    assert not codec.identity.has_candidate
     codec.feed(heartbeat(system=7) + position(system=7), 0.0)
     codec.feed(heartbeat(system=7), 0.5)
     assert codec.vehicle_system_id is None
+    assert codec.identity.has_candidate
     codec.feed(heartbeat(system=7), 1.0)
     assert codec.vehicle_system_id == 7
+    assert not codec.identity.has_candidate
 
 
 def test_who_sends_heartbeats_alone_gives_way_to_an_autopilot():

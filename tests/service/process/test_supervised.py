@@ -88,7 +88,8 @@ def test_what_is_awaited_is_told_then_ready_then_alive_then_stopping(flight):
 def test_it_is_not_ready_before_the_kernels_and_the_autopilot_are(flight):
     words = flight[0]
     ready = next(entry for entry in words if "READY" in entry)
-    assert "(AUTO)" in ready["STATUS"]  # the autopilot was heard; what it flies may yet be read
+    assert "no autopilot" not in ready["STATUS"]
+    assert "first heartbeat" not in ready["STATUS"]
 
 
 def test_sigterm_ends_it_orderly(flight):
