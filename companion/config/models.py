@@ -358,7 +358,7 @@ class Authority(Section):
     keep_ready: bool = False
     """If true, the autopilot always holds a checked mission for the return to AUTO while the pilot flies."""
     keep_return_path: bool = True
-    """If true, the service keeps a checked return path in the list of an ArduPlane whose RTL_AUTOLAND is 4.
+    """If true, the service keeps a checked return path in the list of an ArduPlane with RTL_AUTOLAND 2 or 4.
     A return to launch then joins it, whoever begins the return."""
     turn_back: bool = False
     """If true, the service commands return to launch when all that the battery holds beyond `reserve_wh` is

@@ -1,10 +1,11 @@
 """Return paths in an ArduPlane's list, and the item at which a return to launch joins them.
 
 With RTL_AUTOLAND 4 a return to launch joins the closest leg behind any DO_RETURN_PATH_START: the autopilot
-flies directly to the item at which that leg ends, and on from there. The list therefore has two return banks
-behind the banks of missions. One holds the return path; the other is written, and only then takes its place.
-A bank is armed if its first item is DO_RETURN_PATH_START. Otherwise the first item commands an airspeed and
-nothing joins the bank, whatever else is in it.
+flies directly to the item at which that leg ends, and on from there. With RTL_AUTOLAND 2, which versions
+before 4.7 have, too, it flies to the closest DO_LAND_START, and on from there. The list therefore has two
+return banks behind the banks of missions. One holds the return path; the other is written, and only then
+takes its place. A bank is armed if its first item is such a start. Otherwise the first item commands an
+airspeed and nothing joins the bank, whatever else is in it.
 
 A bank's last item is a jump: to the operator's landing, or to a tag that no item has. ArduPlane's search ends
 at such a jump. It would otherwise take the way from the end of one bank to the next for a leg. (ArduPlane
@@ -12,14 +13,15 @@ refuses to store a jump to item 0, with which its search would end, too.)
 
 References
 ----------
-ArduPlane 4.7 ``AP_Mission::jump_to_closest_mission_leg``, ``distance_to_mission_leg``, ``get_next_cmd``;
-MAVLink ``common.xml``, MAV_CMD_DO_RETURN_PATH_START.
+ArduPlane 4.7 ``AP_Mission::jump_to_closest_mission_leg``, ``distance_to_mission_leg``, ``get_next_cmd``,
+``get_landing_sequence_start``; MAVLink ``common.xml``, MAV_CMD_DO_RETURN_PATH_START, MAV_CMD_DO_LAND_START.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +37,7 @@ FOR_EVER = -1.0  # The repeat count of a DO_JUMP that repeats without end.
 LOOPS_MAX = 64  # ArduPlane follows at most this many jumps in a row.
 JUMPS = frozenset({Command.DO_JUMP, Command.DO_JUMP_TAG})
 _LANDINGS = frozenset({Command.NAV_LAND, Command.DO_LAND_START})
+STARTS = frozenset({Command.DO_RETURN_PATH_START, Command.DO_LAND_START})
 
 
 def _command(command: Command, one: float = 0.0, two: float = 0.0) -> MissionItem:
@@ -73,14 +76,25 @@ def blank_bank(speed: MissionItem) -> tuple[MissionItem, ...]:
     return (speed,) * (RETURN_ITEMS - 1) + (NOWHERE,)
 
 
-def armed(bank: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
-    """Return a bank that a return joins."""
-    return (_command(Command.DO_RETURN_PATH_START), *bank[1:])
+def armed(bank: Sequence[MissionItem], start: Command) -> tuple[MissionItem, ...]:
+    """Return a bank that a return joins.
+
+    Parameters
+    ----------
+    bank : sequence of MissionItem
+        A bank that is not armed.
+    start : Command
+        The command that the autopilot looks for. DO_LAND_START gets the place of the first waypoint, by which
+        ArduPlane chooses the closest one.
+    """
+    if start is Command.DO_RETURN_PATH_START:
+        return (_command(start), *bank[1:])
+    return (replace(bank[1], command=start, parameters=(0.0, 0.0, 0.0, 0.0)), *bank[1:])
 
 
 def is_armed(bank: Sequence[MissionItem]) -> bool:
     """Return whether a return joins a bank."""
-    return bool(bank) and bank[0].command == Command.DO_RETURN_PATH_START
+    return bool(bank) and bank[0].command in STARTS
 
 
 def num_return_items(items: Sequence[MissionItem]) -> int:
@@ -110,6 +124,7 @@ def joined_item(
     frame: LocalFrame,
     home_amsl_m: float | None,
     place_enu_m: tuple[float, float, float],
+    start: Command,
 ) -> int | None:
     """Return the sequence of the item that a return to launch flies to; None if there is no return path.
 
@@ -123,19 +138,25 @@ def joined_item(
         Height of home, from which relative altitudes count [m].
     place_enu_m : tuple of float
         The aircraft's position [m].
+    start : Command
+        The command with which return paths begin.
     """
-    (joined,) = joined_items(items, frame, home_amsl_m, np.array([place_enu_m]))
+    (joined,) = joined_items(items, frame, home_amsl_m, np.array([place_enu_m]), start)
     return int(joined) or None
 
 
 def joined_items(
-    items: Sequence[MissionItem], frame: LocalFrame, home_amsl_m: float | None, places_enu_m: FloatArray
+    items: Sequence[MissionItem],
+    frame: LocalFrame,
+    home_amsl_m: float | None,
+    places_enu_m: FloatArray,
+    start: Command,
 ) -> IntArray:
     """Return the sequences (K,) of the items that returns to launch from several positions fly to.
 
     Parameters
     ----------
-    items, frame, home_amsl_m
+    items, frame, home_amsl_m, start
         Same as in :func:`joined_item`.
     places_enu_m : ndarray, shape (K, 3)
         Positions of the aircraft [m].
@@ -148,9 +169,11 @@ def joined_items(
     best = np.zeros(len(places_enu_m), dtype=np.int64)
     nearest = np.full(len(places_enu_m), math.inf)
     for item in items[1:]:
-        if item.command != Command.DO_RETURN_PATH_START:
+        if item.command != start:
             continue
         legs = list(_legs_from(items, item.sequence, frame, home_amsl_m, places_enu_m))
+        if start is Command.DO_LAND_START:
+            legs = legs[:1]  # The first waypoint, which the autopilot flies to.
         if not legs:
             continue
         ends, away = np.array([end for end, _ in legs]), np.array([distances for _, distances in legs])
@@ -178,7 +201,7 @@ def _legs_from(
                 away = np.linalg.norm(places - _nearest_on(before, end, places), axis=1)
                 yield item.sequence, away
                 before = end
-        if item.command in _LANDINGS:
+        if item.command in _LANDINGS and item.sequence != start:
             break
 
 

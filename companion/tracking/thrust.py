@@ -1,8 +1,10 @@
 """Whether the engine gives thrust, from throttle, height and airspeed, and from its reported speed.
 
 An engine adds energy. Two observations of the specific energy ``h + v²/2g`` show that it does not: the
-energy falls although the throttle is open, or it falls much faster than a few seconds ago although the
-throttle is no lower than then. An engine that reports its speed is seen to stand still.
+energy falls although the throttle is open, or its rate is much lower than a few seconds ago although the
+throttle is no lower than then. More throttle at no more airspeed must raise the rate. How much one share of
+throttle adds shows in flight: it makes up for the sink of a glide, and for what is climbed. An engine that
+reports its speed is seen to stand still.
 
 References
 ----------
@@ -37,6 +39,13 @@ GUSTS_S = 60.0  # Gusts are observed for this time.
 # More throttle adds energy: from idle to full at least this rate. A small aircraft climbs at 3 m/s or more at
 # full throttle, and flies level at half of it.
 FULL_THROTTLE_M_S = 4.0
+# Of what the throttle adds by the flight so far, so much is expected of more throttle.
+GAIN_SHARE = 0.7
+GAIN_THROTTLE_MIN = 0.08  # At lower throttle that does not show.
+GAIN_RATES_MIN = 20  # Fewer rates do not show it either.
+FASTER_M_S = 1.0  # An airspeed that is higher by more than this costs energy of its own.
+# Where throttle was added that raises the rate by this, energy that does not rise is missing.
+ADDED_M_S = 1.0
 MAD_TO_DEVIATION = 1.4826  # Ratio of the standard deviation to the median absolute deviation (normal).
 LASTS_S = 1.0  # A lack of thrust is a fault after this time.
 WORKING_SHARE = 0.15  # With less throttle little thrust is expected.
@@ -48,23 +57,35 @@ ASKED_S = 1.0  # An engine runs when it was asked for thrust for this time.
 
 
 class _Sample(NamedTuple):
-    """Time [s], specific energy [m], and throttle as a share of 1."""
+    """Time [s], specific energy [m], throttle as a share of 1, and airspeed [m/s]."""
 
     stamp_s: float
     energy: float
     throttle: float
+    airspeed_m_s: float
 
 
 class _Rate(NamedTuple):
     """Rate of the energy [m/s] in a window that ends at a time [s].
 
-    With it the lowest throttle in the window, and the difference to the rate in the window before [m/s].
+    With it the lowest throttle in the window, the difference to the rate in the window before [m/s], and the
+    mean airspeed [m/s].
     """
 
     stamp_s: float
     energy_m_s: float
     throttle: float
     change_m_s: float
+    airspeed_m_s: float
+
+
+class _Usual(NamedTuple):
+    """Medians of earlier rates: energy [m/s], throttle, airspeed [m/s]; the spread of gusts [m/s]."""
+
+    energy_m_s: float
+    throttle: float
+    airspeed_m_s: float
+    deviation_m_s: float
 
 
 class ThrustMonitor:
@@ -93,7 +114,7 @@ class ThrustMonitor:
             self._up_m = event.altitude_amsl_m
         elif isinstance(event, AirData) and self._up_m is not None:
             energy = self._up_m + event.airspeed_m_s**2 / (2.0 * GRAVITY_M_S2)
-            self._note_energy(_Sample(event.stamp_s, energy, event.throttle))
+            self._note_energy(_Sample(event.stamp_s, energy, event.throttle, event.airspeed_m_s))
         elif isinstance(event, EngineSpeed):
             self._note_engine(event)
 
@@ -103,7 +124,7 @@ class ThrustMonitor:
         self._samples.append(sample)
         while sample.stamp_s - self._samples[0].stamp_s > WINDOW_S:
             self._samples.popleft()
-        times, energies, throttles = np.array(self._samples).T
+        times, energies, throttles, airspeeds = np.array(self._samples).T
         if len(times) < SAMPLES_MIN or times[-1] - times[0] < SPAN_SHARE * WINDOW_S:
             return
         centred = times - times.mean()
@@ -111,7 +132,8 @@ class ThrustMonitor:
         earlier = (rate for rate in reversed(self._rates) if sample.stamp_s - rate.stamp_s >= WINDOW_S)
         before = next(earlier, None)
         change = math.nan if before is None else slope - before.energy_m_s
-        self._rates.append(_Rate(sample.stamp_s, slope, float(throttles.min()), change))
+        throttle, airspeed = float(throttles.min()), float(airspeeds.mean())
+        self._rates.append(_Rate(sample.stamp_s, slope, throttle, change, airspeed))
         while sample.stamp_s - self._rates[0].stamp_s > GUSTS_S:
             self._rates.popleft()
 
@@ -122,7 +144,7 @@ class ThrustMonitor:
         elif self._ran and self._still_since_s is None:
             self._still_since_s = event.stamp_s
 
-    def fault(self, now_s: float, throttle_max: float = 1.0) -> str:
+    def fault(self, now_s: float, throttle_max: float = 1.0, sink_m_s: float | None = None) -> str:
         """Return how the lack of thrust shows, in words; '' if it does not.
 
         Parameters
@@ -131,10 +153,12 @@ class ThrustMonitor:
             The clock's reading [s].
         throttle_max : float
             Largest throttle that the autopilot may command, as a share of 1.
+        sink_m_s : float, optional
+            Height that the aircraft loses in a glide [m/s].
         """
         if self._is_still(now_s) and self._reported_s - self._asked_since_s >= ASKED_S:
             return "the engine stands still"
-        loss = self._loss(now_s, throttle_max)
+        loss = self._loss(now_s, throttle_max, sink_m_s)
         if not loss:
             self._lost_since_s = None
             return ""
@@ -142,33 +166,52 @@ class ThrustMonitor:
             self._lost_since_s = now_s
         return loss if now_s - self._lost_since_s >= LASTS_S else ""
 
-    def _loss(self, now_s: float, throttle_max: float) -> str:
+    def _loss(self, now_s: float, throttle_max: float, sink_m_s: float | None) -> str:
         """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
-        now = self._rate(now_s)
-        if now is None or now.energy_m_s > -LOSS_M_S:
+        now, usual = self._rate(now_s), self._usual(now_s)
+        if now is None or usual is None:
             return ""
-        reference = self._reference(now_s)
-        if reference is None:
-            return ""
-        usual, throttle, deviation = reference
-        lost = f"{-now.energy_m_s:.1f} m/s of height are lost"
-        if now.throttle >= OPEN_SHARE * throttle_max and now.energy_m_s <= -2.0 * deviation:
+        lost, deviation = f"{abs(now.energy_m_s):.1f} m/s of height are lost", usual.deviation_m_s
+        is_open = now.throttle >= OPEN_SHARE * throttle_max
+        if is_open and now.energy_m_s <= -max(LOSS_M_S, 2.0 * deviation):
             return f"{lost} with the throttle open"
-        expected = usual + FULL_THROTTLE_M_S * max(now.throttle - throttle, 0.0)
+        if now.throttle < max(usual.throttle - SAME_THROTTLE, WORKING_SHARE):
+            return ""
+        is_faster = now.airspeed_m_s > usual.airspeed_m_s + FASTER_M_S
+        gain_m_s = FULL_THROTTLE_M_S if is_faster else self._gain_m_s(now_s, sink_m_s)
+        added_m_s = gain_m_s * max(now.throttle - usual.throttle, 0.0)
+        loss_min_m_s = LOSS_M_S if is_faster or added_m_s < ADDED_M_S else 0.0
+        expected = usual.energy_m_s + added_m_s
         has_dropped = now.energy_m_s < expected - max(DROP_M_S, DROP_DEVIATIONS * deviation)
-        is_same = now.throttle >= max(throttle - SAME_THROTTLE, WORKING_SHARE)
-        return f"{lost} with the throttle as before" if has_dropped and is_same else ""
+        is_lost = has_dropped and now.energy_m_s <= -loss_min_m_s
+        return f"{lost} with the throttle as before" if is_lost else ""
 
-    def _reference(self, now_s: float) -> tuple[float, float, float] | None:
-        """Return the usual rate [m/s] and throttle, and the gusts' spread [m/s]; None early on."""
+    def _gain_m_s(self, now_s: float, sink_m_s: float | None) -> float:
+        """Return the rate of energy that full throttle adds at least, by the flight so far [m/s]."""
+        if sink_m_s is None:
+            return FULL_THROTTLE_M_S
+        working = [
+            (rate.energy_m_s + sink_m_s) / rate.throttle
+            for rate in self._rates
+            if now_s - rate.stamp_s >= REFERENCE_S[0] and rate.throttle >= GAIN_THROTTLE_MIN
+        ]
+        if len(working) < GAIN_RATES_MIN:
+            return FULL_THROTTLE_M_S
+        return max(FULL_THROTTLE_M_S, GAIN_SHARE * float(np.median(working)))
+
+    def _usual(self, now_s: float) -> _Usual | None:
+        """Return what is usual; None early on."""
         young, old = REFERENCE_S
         earlier = [rate for rate in self._rates if now_s - rate.stamp_s >= young]
-        recent = [(rate.energy_m_s, rate.throttle) for rate in earlier if now_s - rate.stamp_s <= old]
+        recent = [rate for rate in earlier if now_s - rate.stamp_s <= old]
         changes = [abs(rate.change_m_s) for rate in earlier if math.isfinite(rate.change_m_s)]
         if not recent or not changes:
             return None
-        usual, throttle = np.median(recent, axis=0)
-        return usual, throttle, MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
+        energy, throttle, airspeed = np.median(
+            [(rate.energy_m_s, rate.throttle, rate.airspeed_m_s) for rate in recent], axis=0
+        )
+        deviation = MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
+        return _Usual(energy, throttle, airspeed, deviation)
 
     def gains(self, now_s: float) -> bool:
         """Return whether the aircraft gains energy, or its engine runs."""

@@ -154,8 +154,8 @@ TEXTS = {
         "RTL from here is NOT safe: {what}",
         "The planner flies. A return to launch that begins here, by anybody, would lead too near to an "
         "obstacle or a fence, as the autopilot's parameters stand.",
-        "Do not select RTL here, and expect the same of a failsafe. With RTL_AUTOLAND 4 on ArduPlane, or "
-        "RTL_TYPE 2 and a landing in the mission on PX4, the planner keeps a checked path.",
+        "Do not select RTL here, and expect the same of a failsafe. With RTL_AUTOLAND 2 or 4 on ArduPlane, "
+        "or RTL_TYPE 2 and a landing in the mission on PX4, the planner keeps a checked path.",
     ),
     "return safe": PilotText(
         "return", Severity.NOTICE,

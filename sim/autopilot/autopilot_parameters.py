@@ -44,7 +44,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "RALLY_LIMIT_KM": (5, _REAL),
     "RALLY_TOTAL": (0, _INT8),
     "RTL_ALTITUDE": (100, _REAL),
-    "RTL_AUTOLAND": (2, _INT8),
+    "RTL_AUTOLAND": (0, _INT8),
     "RTL_RADIUS": (100, _INT16),
     "SERIAL1_BAUD": (57, _INT16),
     "SERIAL1_PROTOCOL": (2, _INT8),

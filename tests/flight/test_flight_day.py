@@ -121,8 +121,7 @@ def test_the_first_plan_is_ready_by_then(plain_day):
 
 
 def test_what_was_uploaded_is_answered_on_the_ground(plain_day):
-    # The simulated ArduPlane has RTL_AUTOLAND 2, the PX4 RTL_TYPE 0.
-    returns = "flies straight " + ("to the landing" if plain_day.app.state.flies_by else "home")
+    returns = "flies straight home"  # RTL_AUTOLAND 0, and RTL_TYPE 0
     texts = [entry for entry in plain_day.recorder.decisions if 5.0 < entry.stamp_s < 8.0]
     assert [(entry.kind, entry.text) for entry in texts] == [
         ("mission", "5 items, 1 goal, 1.9 km"),

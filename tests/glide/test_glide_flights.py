@@ -11,8 +11,9 @@ from tests.glide.glide_flights import GlideHarness, flown, judged, mission_of
 from tests.support.sitl_harness import SitlHarness
 
 STOPS_S = 30.0
-# In one flight another circle is chosen while a mission is exchanged; in one the engine stops in a climb.
-ANOTHER_CIRCLE, CLIMBING = 1084, 1151
+# In one flight another circle is chosen while a mission is exchanged; in one the engine stops in a climb, in
+# one in rising air at a low airspeed, and in one in the descent to the goal.
+ANOTHER_CIRCLE, CLIMBING, RISING_AIR, BEFORE_ARRIVAL = 1084, 1151, 1207, 1211
 TOLD_MAX_S = 5.0
 NUMBERS = {"ardupilot": 9, "px4": 13}  # Flights of first-flight.
 
@@ -128,11 +129,18 @@ def test_after_a_handback_the_glide_begins_anew():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [*range(12), ANOTHER_CIRCLE, CLIMBING])
+@pytest.mark.parametrize("number", [*range(12), ANOTHER_CIRCLE, CLIMBING, RISING_AIR])
 def test_engines_that_stop_anywhere(number):
     told, _ = flown(number)
     assert not told.told_after_s > TOLD_MAX_S, told
     assert told.verdict not in ("touched", "elsewhere", "not down"), told
+
+
+@pytest.mark.slow
+def test_an_engine_whose_stop_shows_after_the_arrival_is_glided_for_all_the_same():
+    told, harness = flown(BEFORE_ARRIVAL)
+    assert harness.told_mode is Mode.ARRIVED
+    assert told.verdict == "at the field", told
 
 
 def test_the_harness_knows_the_stretch_in_which_the_engine_stopped():

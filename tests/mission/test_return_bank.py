@@ -24,10 +24,11 @@ from companion.mission.return_bank import (
     return_bank,
 )
 from companion.types.mission import Command, MavFrame, MissionItem
-from sim.autopilot.arduplane.return_leg import closest_leg
+from sim.autopilot.arduplane.return_leg import closest_leg, closest_start
 
 FRAME = LocalFrame(-35.363261, 149.165230, 584.0)
 NOTHING = (0.0, 0.0, 0.0, 0.0)
+PATHS, LANDINGS = Command.DO_RETURN_PATH_START, Command.DO_LAND_START
 SPEED = MissionItem(0, Command.DO_CHANGE_SPEED, MavFrame.MISSION, (0.0, 24.0, -1.0, 0.0), 0, 0, 0.0)
 
 
@@ -66,28 +67,30 @@ def bank_of(*places):
 )
 def test_the_end_of_the_closest_leg_is_flown_to(place, joined):
     items = numbered(HOME, START, *PATH, circle(0.0, 0.0))
-    assert joined_item(items, FRAME, 584.0, (*place, 100.0)) == joined
+    assert joined_item(items, FRAME, 584.0, (*place, 100.0), PATHS) == joined
 
 
 def test_height_counts_too():
     low, high = (at(0.0, 0.0), at(1000.0, 0.0)), (at(0.0, 300.0, 400.0), at(1000.0, 300.0, 400.0))
     items = numbered(HOME, START, *low, NOWHERE, START, *high)
-    assert joined_item(items, FRAME, 584.0, (500.0, 150.0, 150.0)) == 3
-    assert joined_item(items, FRAME, 584.0, (500.0, 150.0, 390.0)) == 7
+    assert joined_item(items, FRAME, 584.0, (500.0, 150.0, 150.0), PATHS) == 3
+    assert joined_item(items, FRAME, 584.0, (500.0, 150.0, 390.0), PATHS) == 7
 
 
 def test_without_a_start_there_is_no_return_path():
-    assert joined_item(numbered(HOME, *PATH, circle(0.0, 0.0)), FRAME, 584.0, (0.0, 0.0, 100.0)) is None
+    assert (
+        joined_item(numbered(HOME, *PATH, circle(0.0, 0.0)), FRAME, 584.0, (0.0, 0.0, 100.0), PATHS) is None
+    )
 
 
 def test_a_bank_that_is_not_armed_is_not_joined_and_one_that_is_leads_to_its_circle():
     bank = bank_of(*PATH)
     assert len(bank) == RETURN_ITEMS
-    assert (is_armed(bank), is_armed(armed(bank))) == (False, True)
+    assert (is_armed(bank), is_armed(armed(bank, PATHS))) == (False, True)
     here = (300.0, 1100.0, 100.0)
-    assert joined_item(numbered(HOME, *blank_bank(SPEED), *bank), FRAME, 584.0, here) is None
-    items = numbered(HOME, *blank_bank(SPEED), *armed(bank))
-    joined = joined_item(items, FRAME, 584.0, here)
+    assert joined_item(numbered(HOME, *blank_bank(SPEED), *bank), FRAME, 584.0, here, PATHS) is None
+    items = numbered(HOME, *blank_bank(SPEED), *armed(bank, PATHS))
+    joined = joined_item(items, FRAME, 584.0, here, PATHS)
     flown = followed(items, joined)
     assert flown[-1].command == Command.NAV_LOITER_UNLIM
     assert [item.sequence for item in flown] == list(range(joined, len(items) - 1))
@@ -97,21 +100,41 @@ def test_the_way_from_one_bank_to_the_next_is_no_leg():
     """The jump to nowhere ends the search: without it, the leg between the banks would be the closest."""
     far = return_bank((at(5000.0, 5000.0),), circle(6000.0, 6000.0), None, speed=SPEED)
     here = (2500.0, 2500.0, 100.0)  # on the straight from one circle to the other bank's waypoint
-    items = numbered(HOME, *armed(bank_of(*PATH)), *armed(far))
-    joined = joined_item(items, FRAME, 584.0, here)
+    items = numbered(HOME, *armed(bank_of(*PATH), PATHS), *armed(far, PATHS))
+    joined = joined_item(items, FRAME, 584.0, here, PATHS)
     assert items[joined].command == Command.NAV_WAYPOINT
     assert joined <= RETURN_ITEMS  # in the first bank
     without = tuple(item for item in items if item.command != NOWHERE.command)
-    assert joined_item(numbered(*without), FRAME, 584.0, here) > RETURN_ITEMS - 1
+    assert joined_item(numbered(*without), FRAME, 584.0, here, PATHS) > RETURN_ITEMS - 1
 
 
 def test_a_landing_is_jumped_to_and_ends_the_search():
     touchdown = at(0.0, 0.0, 0.0, Command.NAV_LAND)
     landing = replace(START, command=Command.DO_LAND_START), at(-800.0, 0.0, 60.0), touchdown
     bank = return_bank(PATH, None, 1, speed=SPEED)
-    items = numbered(HOME, *landing, *armed(bank))
+    items = numbered(HOME, *landing, *armed(bank, PATHS))
     assert [item.command for item in followed(items, 5)][-3:] == [189, 16, 21]
-    assert joined_item(items, FRAME, 584.0, (1000.0, -100.0, 100.0)) == 7
+    assert joined_item(items, FRAME, 584.0, (1000.0, -100.0, 100.0), PATHS) == 7
+
+
+def test_the_closest_landing_sequence_is_flown_to_at_its_first_waypoint():
+    """RTL_AUTOLAND 2: an operator's landing without a place of its own, and a bank behind it."""
+    touchdown = at(0.0, 0.0, 0.0, Command.NAV_LAND)
+    landing = replace(START, command=LANDINGS), at(-800.0, 0.0, 60.0), touchdown
+    items = numbered(HOME, *landing, *armed(return_bank(PATH, None, 1, speed=SPEED), LANDINGS))
+    assert joined_item(items, FRAME, 584.0, (-700.0, 0.0, 100.0), LANDINGS) == 2
+    assert joined_item(items, FRAME, 584.0, (300.0, 900.0, 100.0), LANDINGS) == 5
+    assert joined_item(items, FRAME, 584.0, (1000.0, 100.0, 100.0), LANDINGS) == 5  # not the closest leg
+    assert [item.command for item in followed(items, 5)] == [16, 16, 16, 189, 16, 21]
+
+
+def test_an_armed_bank_has_the_place_of_its_first_waypoint_only_where_landings_are_looked_for():
+    bank = bank_of(*PATH)
+    first = armed(bank, LANDINGS)[0]
+    assert (first.latitude_e7, first.longitude_e7) == (PATH[0].latitude_e7, PATH[0].longitude_e7)
+    assert armed(bank, PATHS)[0] == START
+    assert is_armed(armed(bank, LANDINGS))
+    assert armed(bank, LANDINGS)[1:] == bank[1:]
 
 
 PLACES = st.tuples(
@@ -142,7 +165,7 @@ def test_the_simulator_joins_the_same_item(pieces, here):
     def position(item):
         return FRAME.local_from_global(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, item.altitude_m)
 
-    ours, theirs = joined_item(items, FRAME, 584.0, here), closest_leg(items, position, here)
+    ours, theirs = joined_item(items, FRAME, 584.0, here, PATHS), closest_leg(items, position, here)
     if ours != theirs:  # equally near to within rounding
         near = [_distance_to(items, position, here, end) for end in (ours, theirs)]
         assert near[0] == pytest.approx(near[1], abs=1e-6)
@@ -152,10 +175,30 @@ def test_the_simulator_joins_the_same_item(pieces, here):
 @given(st.lists(PIECES, min_size=1, max_size=25), st.lists(PLACES, min_size=1, max_size=5))
 def test_each_of_several_places_joins_the_item_that_it_joins_alone(pieces, places):
     items = numbered(HOME, *pieces)
-    together = joined_items(items, FRAME, 584.0, np.array(places))
+    together = joined_items(items, FRAME, 584.0, np.array(places), PATHS)
     assert [int(joined) or None for joined in together] == [
-        joined_item(items, FRAME, 584.0, place) for place in places
+        joined_item(items, FRAME, 584.0, place, PATHS) for place in places
     ]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(PIECES, min_size=1, max_size=25), PLACES)
+def test_the_simulator_flies_to_the_same_landing_sequence(pieces, here):
+    items = numbered(HOME, *pieces)
+    starts = [item.sequence for item in items if item.command == LANDINGS]
+    assume(not any(item.command in (Command.DO_JUMP, NOWHERE.command) for item in items))
+
+    def position(item):
+        return FRAME.local_from_global(item.latitude_e7 * 1e-7, item.longitude_e7 * 1e-7, item.altitude_m)
+
+    ours, theirs = joined_item(items, FRAME, 584.0, here, LANDINGS), closest_start(items, position, here)
+    assert (ours is None) == (theirs is None)
+    if theirs is not None:
+        ends = [
+            next(item for item in items[start:] if item.command == Command.NAV_WAYPOINT)
+            for start in (theirs, max(start for start in starts if start < ours))
+        ]
+        assert math.dist(position(ends[0]), here) == pytest.approx(math.dist(position(ends[1]), here))
 
 
 def _goes_round(items, start):
@@ -205,7 +248,7 @@ def list_with(*returns):
 @pytest.mark.parametrize("is_armed_first", [True, False])
 def test_after_a_restart_the_banks_are_found_before_the_return_banks(is_armed_first):
     first, second = bank_of(*PATH), blank_bank(SPEED)
-    returns = (*(armed(first) if is_armed_first else first), *second)
+    returns = (*(armed(first, PATHS) if is_armed_first else first), *second)
     read = list_with(*returns)
     assert num_return_items(read) == 2 * RETURN_ITEMS
     assert banks_in(without_returns(read)) == (2, 20)
@@ -229,7 +272,7 @@ def test_a_list_without_return_banks_has_none():
 
 
 def test_a_new_mission_leaves_the_return_banks_where_they_are():
-    returns = (*armed(bank_of(*PATH)), *blank_bank(SPEED))
+    returns = (*armed(bank_of(*PATH), PATHS), *blank_bank(SPEED))
     flown = (*WAY, *(circle(900.0, 100.0),) * 17)
     layout = TwoBankLayout(list_with()[:2], 20, flown, 0, None, returns)
     mission, after = layout.with_new(flown, 7)

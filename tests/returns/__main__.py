@@ -17,22 +17,24 @@ def main():
     parser.add_argument("-n", type=int, default=100, help="flights of each sort")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--autoland", type=int, default=4, choices=(2, 4), help="RTL_AUTOLAND of ArduPlanes")
     parser.add_argument("--without", action="store_true", help="also without a return path, for comparison")
     parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
     given = parser.parse_args()
     seeds, bad = range(given.first_seed, given.first_seed + given.n), 0
     with given.out.open("w", encoding="utf-8") if given.out else nullcontext() as out:
         for is_with_path in (True, False)[: 1 + given.without]:
-            bad += is_with_path * returned(seeds, given.jobs, out, is_with_path=is_with_path)
+            flown = partial(fly, is_with_path=is_with_path, autoland=given.autoland)
+            bad += is_with_path * returned(flown, seeds, given.jobs, out, is_with_path=is_with_path)
     return int(bad > 0)
 
 
-def returned(seeds, jobs, out, *, is_with_path):
+def returned(flown, seeds, jobs, out, *, is_with_path):
     """Fly the seeds, write each flight as a line of JSON, and return how many went wrong."""
     counts, bad = Counter(), 0
     quiet = {"initializer": logging.disable, "initargs": (logging.CRITICAL,)}
     with ProcessPoolExecutor(jobs, **quiet) as pool:
-        for flight in pool.map(partial(fly, is_with_path=is_with_path), seeds):
+        for flight in pool.map(flown, seeds):
             counts[flight.dialect, "flights"] += 1
             counts[flight.dialect, "with a path"] += flight.has_path
             counts[flight.dialect, "touched"] += bool(flight.touched)

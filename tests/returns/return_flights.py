@@ -127,12 +127,16 @@ def set_fences(harness, circles):
         put(harness, MissionKind.FENCE, items)
 
 
-def fly(seed, *, is_with_path=True):
-    """Fly one seed; ``is_with_path`` false: the autopilot returns straight, as without the service."""
+def fly(seed, *, is_with_path=True, autoland=4):
+    """Fly one seed with this RTL_AUTOLAND if it is an ArduPlane.
+
+    ``is_with_path`` false: the autopilot returns straight, as without the service.
+    """
     mission, name, dialect, begun_s, is_killed, circles = scenario(seed)
     harness = SitlHarness(mission, seed=seed, dialect=dialect)
     parameter, value = (BY_PATH if is_with_path else STRAIGHT)[dialect]
-    harness.simulator.autopilot.parameters[parameter] = value
+    is_chosen = is_with_path and dialect is Dialect.ARDUPILOT
+    harness.simulator.autopilot.parameters[parameter] = float(autoland) if is_chosen else value
     circles = [circle for circle in circles if not _holds_landing(harness, circle)]
     set_fences(harness, circles)
     flight = ReturnFlight(seed, name, dialect.value, begun_s, is_killed, is_with_path)
@@ -187,7 +191,8 @@ async def _flown(harness, flight):
 def _has_path(autopilot):
     """Whether the list holds a return path, by its items alone."""
     items = autopilot.mission_items
-    if any(item.command == Command.DO_RETURN_PATH_START for item in items):
+    placed = [item.command for item in items if item.latitude_e7 != 0]  # The operator's landing has no place.
+    if any(item.command == Command.DO_RETURN_PATH_START for item in items) or Command.DO_LAND_START in placed:
         return True
     has_landing = any(item.command == Command.NAV_LAND for item in items)
     return "RTL_TYPE" in autopilot.parameters.names and has_landing

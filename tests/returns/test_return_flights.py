@@ -18,6 +18,14 @@ def test_by_the_checked_path_it_touches_nothing_with_the_service_killed(seed):
     assert straight.touched
 
 
+def test_a_landing_sequence_is_joined_at_its_start_with_the_service_killed():
+    """RTL_AUTOLAND 2, by which ArduPlanes before 4.7 return as well."""
+    flight = fly(2, autoland=2)
+    assert flight.is_killed
+    assert flight.has_path
+    assert not is_bad(flight)
+
+
 @pytest.mark.slow
 def test_a_landing_circle_beside_a_wall_is_joined_without_touching_it():
     """The PX4's circle is 25 m from the wall, and is joined from near its centre."""

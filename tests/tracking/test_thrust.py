@@ -36,13 +36,13 @@ def sinking(from_s, until_s, sink, throttle, up=120.0, airspeed=24.0):
     return [(stamp, up - sink * (stamp - from_s), speed, share) for stamp, up, speed, share in rows]
 
 
-def told_s(rows, throttle_max=1.0):
+def told_s(rows, throttle_max=1.0, sink=None):
     """When the fault is first told; None if never."""
     monitor = ThrustMonitor()
     for stamp, up, airspeed, throttle in rows:
         monitor.observe(height(stamp, up))
         monitor.observe(AirData(stamp, airspeed, airspeed, throttle))
-        if monitor.fault(stamp, throttle_max):
+        if monitor.fault(stamp, throttle_max, sink):
             return stamp
     return None
 
@@ -75,6 +75,19 @@ def test_a_smaller_loss_is_told_when_the_throttle_rises():
     """0.3 more throttle is 1.2 m/s that are missing, so that 1.6 m/s count like 2.8 of 2."""
     assert told_s(level(20.0, throttle=0.2) + sinking(20.0, 30.0, 1.6, 0.2)) is None
     assert 21.5 <= told_s(level(20.0, throttle=0.2) + sinking(20.0, 30.0, 1.6, 0.5)) <= 24.5
+
+
+def test_height_that_is_held_in_rising_air_is_missed_where_the_throttle_added_much_before():
+    """A share of 0.12 makes up for 1.7 m/s: 0.3 more adds at least 0.7 · 1.7 / 0.12 · 0.3 = 3.0 m/s."""
+    rows = level(20.0, throttle=0.12) + sinking(20.0, 40.0, 0.2, 0.42)
+    assert told_s(rows) is None
+    assert told_s(rows, sink=0.1) is None
+    assert 21.5 <= told_s(rows, sink=1.7) <= 24.5
+
+
+def test_more_throttle_that_holds_a_higher_airspeed_is_none():
+    rows = level(20.0, throttle=0.12) + sinking(20.0, 40.0, 0.2, 0.42, airspeed=26.0)
+    assert told_s(rows, sink=1.7) is None
 
 
 def test_a_loss_that_begins_with_less_throttle_is_none():

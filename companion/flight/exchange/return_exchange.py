@@ -27,7 +27,7 @@ from companion.flight.state.list_state import (
 from companion.mission.item_difference import difference
 from companion.mission.list_layout import TwoBankLayout
 from companion.mission.return_bank import RETURN_ITEMS, armed, blank_bank, is_armed
-from companion.types.mission import MissionItem
+from companion.types.mission import Command, MissionItem
 
 PART_ITEMS = 4  # Items that are written at once: about 0.1 s.
 STOPPED = "another exchange is due"
@@ -47,18 +47,20 @@ class ReturnExchange:
         self._is_stopped = self._is_reading = False
         self._flight, self._link, self._clock = parts.flight, parts.link, parts.clock
 
-    async def store(self, bank: tuple[MissionItem, ...]) -> str:
+    async def store(self, bank: tuple[MissionItem, ...], start: Command) -> str:
         """Store a return bank and arm it; return why it could not be stored, '' if it was.
 
         Parameters
         ----------
         bank : tuple of MissionItem
             The bank, not armed.
+        start : Command
+            The command with which the autopilot's return paths begin.
         """
         self._is_stopped = False
         self._flight.apply_to_list(after_swap_begun)
         try:
-            return await self._store(bank)
+            return await self._store(bank, start)
         except CompanionError as error:
             return str(error)
         finally:
@@ -69,7 +71,7 @@ class ReturnExchange:
         self._is_stopped = True
         return self._is_reading
 
-    async def _store(self, bank: tuple[MissionItem, ...]) -> str:
+    async def _store(self, bank: tuple[MissionItem, ...], start: Command) -> str:
         if not self._layout().returns:
             await self._make_room(bank[0])
         armed_now = [is_armed(self._bank(index)) for index in (0, 1)]
@@ -91,7 +93,7 @@ class ReturnExchange:
         differs = difference(self._bank(index), read[first : first + RETURN_ITEMS])  # but the start
         if differs or self._is_stopped:
             return differs or STOPPED
-        await self._write(index, 0, armed(bank)[:1])
+        await self._write(index, 0, armed(bank, start)[:1])
         if armed_now[1 - index]:
             await self._write(1 - index, 0, bank[:1])
         return ""

@@ -39,6 +39,7 @@ from companion.mission.glide.glide_progress import (
     is_past,
 )
 from companion.mission.glide.landing_choice import GlideOptions, LandingChoice
+from companion.types.mission import Command
 from companion.types.state import Ownship
 
 BACK_S = 6.0  # An aircraft past its field is turned back to it no more often than this.
@@ -106,20 +107,27 @@ class GlideDown:
             "away_m": round(self._choice.away_m, 1), "spare_m": round(self._choice.spare_m, 1),
         }  # fmt: skip
 
-    def look(self) -> None:
-        """Choose a place when thrust is missing, or look again at the chosen one; twice a second."""
+    def look(self) -> bool:
+        """Choose a place when thrust is missing, or look again at the chosen one; twice a second.
+
+        Returns whether the aircraft is to be flown to it, unless it is on the final leg of a landing.
+        """
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._world_model.ownship.state(now)
         is_off = state.mission.glide is None or not state.phase.is_airborne
         if is_off or (self._performance.has_thrust and self._stage is not Stage.FINAL):
             self._release()
-            return
+            return False
         if ownship is None:
-            return
+            return False
         if self._options is None:
             self._options = state.rules.glide_options(state.home_enu_m, state.rally_points)
         if self._options is not None:
             self._look_from(self._options, state, ownship)
+        current, stored = self._handover.reader.current, state.mission_list.stored
+        item = None if current is None else current.sequence
+        lands = item is not None and item < len(stored) and stored[item].command == Command.NAV_LAND
+        return self.is_commanded and not lands
 
     def _look_from(self, options: GlideOptions, state: FlightState, ownship: Ownship) -> None:
         """Choose a place from where the aircraft is; on a near final, the place is not changed."""
@@ -198,10 +206,8 @@ class GlideDown:
             await self._correct_final(options, choice)
 
     def _may_command(self, state: FlightState) -> bool:
-        """Return whether the aircraft is left to the service; a glide that is begun is flown to its end."""
-        is_begun = self._stage in (Stage.FLOWN, Stage.FINAL)
-        may_act = state.mode is Mode.ACTIVE or (state.mode is Mode.ARRIVED and is_begun)
-        return may_act and self.is_commanded and self._clock.now_s() >= self._next_s
+        """Return whether the aircraft is left to the service, and the next command is due."""
+        return state.mode is Mode.ACTIVE and self.is_commanded and self._clock.now_s() >= self._next_s
 
     async def _correct_final(self, options: GlideOptions, choice: LandingChoice) -> None:
         """Send an aircraft that is too high back to the circle, and one that is past the field to it."""

@@ -103,7 +103,9 @@ class PerformanceWatch:
 
     def _look_at_thrust(self, state: FlightState, ownship: Ownship, now_s: float) -> None:
         """Announce that the engine gives no thrust, and that it does again."""
-        fault = self._thrust.fault(now_s, state.settings.throttle_max_share)
+        glide = state.mission.glide
+        sink_m_s = None if glide is None else float(glide.airspeed_m_s) / float(glide.ratio)
+        fault = self._thrust.fault(now_s, state.settings.throttle_max_share, sink_m_s)
         if fault or not self._thrust.gains(now_s):
             self._thrust_s = now_s
             if fault and self.has_thrust:

@@ -17,7 +17,12 @@ from companion.flight.construction.loiter_circles import circle_of
 from companion.flight.construction.mission_construction import construct
 from companion.flight.prediction.mode_tracks import state_on
 from companion.flight.prediction.obstacle_ahead import is_clear
-from companion.flight.prediction.return_path import STEP_S, circling_tracks, tracks_by_return_path
+from companion.flight.prediction.return_path import (
+    STEP_S,
+    circling_tracks,
+    start_of_return,
+    tracks_by_return_path,
+)
 from companion.flight.state.flight_state import FlightState, bound_for
 from companion.frames import FloatArray
 from companion.mission.return_bank import RETURN_WAYPOINTS_MAX, armed, joined_items, return_bank
@@ -42,6 +47,8 @@ class ReturnMission:
     ----------
     bank : tuple of MissionItem
         The return bank, not armed.
+    start : Command
+        The command with which it is armed.
     path : Path
         The planned path.
     covered_s : float
@@ -49,6 +56,7 @@ class ReturnMission:
     """
 
     bank: tuple[MissionItem, ...]
+    start: Command
     path: Path
     covered_s: float
 
@@ -71,8 +79,9 @@ def return_mission(
     is_landing : bool
         Whether the operator's landing follows; otherwise the path ends in a circle.
     """
+    start = start_of_return(state)
     found = construct(bound_for(state, place), path, RETURN_WAYPOINTS_MAX, is_whole=True)
-    if found.violations or found.covered_until_s < float(path.times_s[-1]):
+    if start is None or found.violations or found.covered_until_s < float(path.times_s[-1]):
         return None
     frame = state.mission.frame
     items = tuple(item for item in path_items(found.waypoints, frame) if item.command == Command.NAV_WAYPOINT)
@@ -83,7 +92,7 @@ def return_mission(
             items = items[: max(len(items) - 1, 1)]
     end = None if landing is not None else loiter_item(found.waypoints, frame)
     bank = return_bank(items, end, landing, speed=speed_item(found.waypoints, frame))
-    return ReturnMission(bank, path, covered_s(state, ownship, with_bank(state, bank)))
+    return ReturnMission(bank, start, path, covered_s(state, ownship, with_bank(state, bank)))
 
 
 def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> float:
@@ -103,10 +112,11 @@ def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]
     float
         0 if a return from here does not keep clear; infinite if each one up to the mission's end does.
     """
-    if not _returns_clear(state, ownship, items):
+    start = start_of_return(state)
+    if start is None or not _returns_clear(state, ownship, items):
         return 0.0
     track = _track_ahead(state, ownship)
-    joined = joined_items(items, state.mission.frame, state.mission_list.home_amsl_m, track)
+    joined = joined_items(items, state.mission.frame, state.mission_list.home_amsl_m, track, start)
     before, last = 0, len(track) - 1
     for row in range(1, last):
         if joined[row] == joined[before] and row - before < round(PLACES_S / STEP_S):
@@ -121,8 +131,9 @@ def with_bank(state: FlightState, bank: tuple[MissionItem, ...]) -> tuple[Missio
     """Return the list with a return bank, armed, in the place of those that it has."""
     layout = state.mission_list.layout
     first = len(state.mission_list.stored) if layout is None else layout.return_span[0]
-    kept = state.mission_list.stored[:first]
-    return (*kept, *(replace(item, sequence=len(kept) + n) for n, item in enumerate(armed(bank))))
+    kept, start = state.mission_list.stored[:first], start_of_return(state)
+    added = bank if start is None else armed(bank, start)
+    return (*kept, *(replace(item, sequence=len(kept) + n) for n, item in enumerate(added)))
 
 
 def _returns_clear(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> bool:

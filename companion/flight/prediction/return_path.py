@@ -4,7 +4,7 @@ References
 ----------
 ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_home_location``: straight to the
 circle about the nearest rally point within RALLY_LIMIT_KM, else about home. It climbs at once and descends
-along the way. With RTL_AUTOLAND 2 it flies to the mission's landing sequence instead, with 4 it joins the
+along the way. With RTL_AUTOLAND 2 it flies to the closest landing sequence instead, with 4 it joins the
 closest leg of a return path (:mod:`companion.mission.return_bank`).
 
 PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: it climbs in a circle to
@@ -29,6 +29,7 @@ from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray, wrapped_angle
+from companion.mission.list_layout import TwoBankLayout
 from companion.mission.return_bank import followed, joined_item
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
@@ -44,6 +45,8 @@ SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)
 CLIMB_ENDS = 36  # A climb in a circle may end at this many moments over one and a half turns.
 LANDING_AT_ONCE, BY_RETURN_PATH = 2.0, 4.0  # RTL_AUTOLAND: to the landing, or by a return path.
+# The command with which the return paths begin that an ArduPlane joins, by RTL_AUTOLAND.
+_STARTS = {LANDING_AT_ONCE: Command.DO_LAND_START, BY_RETURN_PATH: Command.DO_RETURN_PATH_START}
 HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE; by the mission is 2.
 LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_RETURN_TO_LAUNCH})
 
@@ -124,10 +127,16 @@ def is_unpredictable(state: FlightState) -> bool:
     return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
 
 
+def start_of_return(state: FlightState) -> Command | None:
+    """Return the command with which return paths begin that the autopilot joins; None if it joins none."""
+    return _STARTS.get(state.settings.return_kind or 0.0) if state.flies_by else None
+
+
 def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:
     """Return positions (K, 3) on an ArduPlane's paths to the end, the landing, or by a return path [m]."""
-    radius = _radius(state)
-    if state.settings.return_kind == BY_RETURN_PATH:
+    radius, layout = _radius(state), state.mission_list.layout
+    keeps_returns = isinstance(layout, TwoBankLayout) and bool(layout.returns)
+    if keeps_returns or state.settings.return_kind == BY_RETURN_PATH:
         joined = tracks_by_return_path(state, ownship, state.mission_list.stored)
         if joined:
             return joined
@@ -156,7 +165,8 @@ def tracks_by_return_path(
         East, north, up along each track [m], the most likely first; empty without a return path.
     """
     frame, home_amsl_m = state.mission.frame, state.mission_list.home_amsl_m
-    joined = joined_item(items, frame, home_amsl_m, ownship.position_enu_m)
+    start = start_of_return(state)
+    joined = None if start is None else joined_item(items, frame, home_amsl_m, ownship.position_enu_m, start)
     return [] if joined is None else _tracks_over(state, ownship, followed(items, joined), passes=False)
 
 

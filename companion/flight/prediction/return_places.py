@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from companion.flight.construction.cycle import rally_points_near
 from companion.flight.construction.way_on import landing_region
-from companion.flight.prediction.return_path import BY_RETURN_PATH
+from companion.flight.prediction.return_path import start_of_return
 from companion.flight.state.flight_state import FlightState
 from companion.mission.list_layout import TwoBankLayout
 from companion.planning.problem import GoalRegion
@@ -22,13 +22,20 @@ def is_return_wanted(state: FlightState) -> bool:
         Mode, the autopilot's parameters and list, and the mission file.
     """
     listed, operator = state.mission_list, state.mission_list.operator
-    if not (state.may_act and state.flies_by and state.mission.authority.keep_return_path):
+    start = start_of_return(state)
+    if not (state.may_act and start is not None and state.mission.authority.keep_return_path):
         return False
-    if state.settings.return_kind != BY_RETURN_PATH or listed.pending is not None or listed.is_mixed:
+    if listed.pending is not None or listed.is_mixed:
         return False
     if operator is None or not isinstance(listed.layout, TwoBankLayout) or state.flown is None:
         return False
-    return all(item.command != Command.DO_RETURN_PATH_START for item in operator.items)
+    # Of landings the autopilot flies to the closest, whoever's it is.
+    return is_joined_at_its_start(state) or all(item.command != start for item in operator.items)
+
+
+def is_joined_at_its_start(state: FlightState) -> bool:
+    """Return whether a return path is joined at its start, and not on its closest leg."""
+    return start_of_return(state) is Command.DO_LAND_START
 
 
 def return_places(

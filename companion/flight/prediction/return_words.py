@@ -7,11 +7,11 @@ import math
 from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.prediction.obstacle_ahead import first_met
 from companion.flight.prediction.return_path import (
-    BY_RETURN_PATH,
     HOME,
     LANDING_AT_ONCE,
     is_unpredictable,
     return_tracks,
+    start_of_return,
 )
 from companion.flight.state.flight_state import FlightState
 from companion.types.state import Ownship
@@ -43,8 +43,7 @@ def return_in_words(state: FlightState) -> str:
 
 def is_kept(state: FlightState) -> bool:
     """Return whether the service keeps a return path in an ArduPlane's list."""
-    by_path = state.flies_by and state.settings.return_kind == BY_RETURN_PATH
-    return by_path and state.mission.authority.keep_return_path
+    return start_of_return(state) is not None and state.mission.authority.keep_return_path
 
 
 def goals_without_return(state: FlightState) -> list[str]:

@@ -1,9 +1,9 @@
 """Keep a checked return path in the autopilot's list while the service flies.
 
-An ArduPlane with RTL_AUTOLAND 4 joins it in a return to launch, whoever begins that and whether or not the
-service still runs. The return path is planned like any path, from a place that the aircraft is about to pass,
-to the operator's landing, else to a circle over home, else to a rally point. It is planned again before a
-return from the flown path would no longer keep clear. One that would need more than the battery holds does
+An ArduPlane with RTL_AUTOLAND 2 or 4 joins it in a return to launch, whoever begins that and whether or not
+the service still runs. The return path is planned like any path, from a place that the aircraft is about to
+pass, to the operator's landing, else to a circle over home, else to a rally point. It is planned again before
+a return from the flown path would no longer keep clear. One that would need more than the battery holds does
 not replace one by which the aircraft can still return: it returns by that one before it ends.
 """
 
@@ -22,7 +22,11 @@ from companion.flight.monitors.energy_watch import EnergyWatch
 from companion.flight.prediction.energy_ahead import affords
 from companion.flight.prediction.outward_path import outward_path
 from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission, with_bank
-from companion.flight.prediction.return_places import is_return_wanted, return_places
+from companion.flight.prediction.return_places import (
+    is_joined_at_its_start,
+    is_return_wanted,
+    return_places,
+)
 from companion.flight.replanning.plan_maker import return_request
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
@@ -150,7 +154,7 @@ class WayHome:
 
     async def _store(self, found: ReturnMission) -> None:
         """Store a return path, and record how that ended."""
-        failure = await self._exchange.store(found.bank)
+        failure = await self._exchange.store(found.bank, found.start)
         self._num_failures = 0 if not failure else self._num_failures + (failure != STOPPED)
         if failure:
             self._parts.announcer.decide(DecisionKind.RETURN, f"not stored: {failure}")
@@ -173,6 +177,8 @@ def _concluded(
     """Return a plan, behind a part of the flown path, as a return path; None if it does not reach its end."""
     if plan.path is None or not plan.reaches_goal:
         return None
-    away = np.linalg.norm(flown.positions_enu_m - plan.path.positions_enu_m[0], axis=1)
-    path = flown.until(int(np.argmin(away))).followed_by(plan.path)
+    path = plan.path
+    if not is_joined_at_its_start(state):
+        away = np.linalg.norm(flown.positions_enu_m - path.positions_enu_m[0], axis=1)
+        path = flown.until(int(np.argmin(away))).followed_by(path)
     return return_mission(state, ownship, path, place, is_landing=is_landing)

@@ -7,7 +7,7 @@ mission file's ``takeover`` names. Only then is the service ``ACTIVE`` and uploa
 mode on the first heartbeat that reports another flight mode: the pilot always wins, and the service never
 changes a flight mode. It is then ``SUSPENDED``. Whether it becomes active again when the mission mode
 returns is the mission file's ``authority.resume``. ``ARRIVED`` holds until the aircraft has landed: what
-follows the goal is the operator's.
+follows the goal is the operator's, unless the engine stops and the mission file lets the service glide down.
 
 If the autopilot falls silent while the service is active, the service waits in ``LOST``. If the autopilot
 returns in another flight mode, the pilot has taken over meanwhile. A mission that another station uploads in
@@ -38,6 +38,7 @@ YIELDED        landed              STANDBY
 SUSPENDED      mission flown       ACTIVE (resume: auto), else SUSPENDED
 SUSPENDED      return path flown   YIELDED
 SUSPENDED      landed              STANDBY
+ARRIVED        glide begun         ACTIVE
 ARRIVED        landed              STANDBY
 =============  ==================  =============
 """
@@ -72,6 +73,7 @@ class ModeEvent(Enum):
     MISSION_NOT_FLOWN = "mission not flown"
     TAKEOVER_DUE = "takeover due"
     GOAL_REACHED = "goal reached"
+    GLIDE_BEGUN = "glide begun"
     AUTOPILOT_SILENT = "autopilot silent"
     OTHER_MISSION = "foreign mission"
     RETURN_FLOWN = "return path flown"
@@ -88,6 +90,7 @@ _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.DEPARTING, ModeEvent.AUTOPILOT_SILENT): Mode.WAITING,
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
+    (Mode.ARRIVED, ModeEvent.GLIDE_BEGUN): Mode.ACTIVE,
     (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
     (Mode.ACTIVE, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,

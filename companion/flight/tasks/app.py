@@ -89,9 +89,8 @@ class App:
         self.replanning, self.announcer = parts.replanning, parts.announcer
         self._departure, self._way_home = parts.departure, parts.way_home
         self._flight, self._clock = parts.flight, parts.clock
-        self._parameters, self._checkpoint, self._observer = (
-            parts.parameters, parts.checkpoint, parts.observer,
-        )  # fmt: skip
+        self._parameters, self._checkpoint = parts.parameters, parts.checkpoint
+        self._observer = parts.observer
         self._is_warm = is_warm
         self._heartbeat_s = -math.inf
         self._boot_s: float | None = None
@@ -137,8 +136,7 @@ class App:
         if self._planning is not None:
             self._planning.cancel()
             await asyncio.wait([self._planning])
-        text = "the autopilot keeps its mission"
-        self.announcer.decide(DecisionKind.STOPPED, text, tell="stopped")
+        self.announcer.decide(DecisionKind.STOPPED, "the autopilot keeps its mission", tell="stopped")
         await self._clock.sleep_until(self._clock.now_s() + LAST_TEXT_S)
 
     @property
@@ -269,8 +267,9 @@ class App:
 
     def change(self, event: ModeEvent) -> None:
         """Apply an event to the table of modes; announce a change of the mode."""
+        glides_on = event is ModeEvent.GOAL_REACHED and self._departure.glide.is_commanded
         before = self.mode
-        mode = self._flight.apply(after_mode_event, event).mode
+        mode = before if glides_on else self._flight.apply(after_mode_event, event).mode
         if mode is before:
             return
         if mode is Mode.ACTIVE:
@@ -382,9 +381,9 @@ class App:
 
     def _may_plan(self) -> bool:
         """Return whether plans can be made, and are wanted."""
-        is_wanted = self._is_warm and self._parameters.is_replanning
-        is_wanted = is_wanted and not self._departure.glide.is_commanded
-        return is_wanted and self.world_model.ownship.state(self._clock.now_s()) is not None
+        is_wanted = self._parameters.is_replanning and not self._departure.glide.is_commanded
+        is_known = self.world_model.ownship.state(self._clock.now_s()) is not None
+        return is_wanted and self._is_warm and is_known
 
     async def _housekeeping(self) -> None:
         """Send heartbeat and stream requests, and detect the autopilot's silence, at 1 Hz."""
@@ -402,7 +401,8 @@ class App:
         """Predict what is flown while somebody else flies, twice a second."""
         while True:
             self._departure.other_modes.look()
-            self._departure.glide.look()
+            if self._departure.glide.look():
+                self.change(ModeEvent.GLIDE_BEGUN)
             await self._clock.sleep_until(self._clock.now_s() + OTHER_MODES_S)
 
     async def _watch_energy(self) -> None:

@@ -23,7 +23,7 @@ from ..telemetry import Home, Target
 from .arduplane_runner import MissionRunner, MissionState
 from .arduplane_store import MissionStore
 from .arduplane_transfer import MissionTransfer, item_from_message
-from .return_leg import closest_leg
+from .return_leg import closest_leg, closest_start
 
 MODES = {
     "MANUAL": 0,
@@ -282,10 +282,9 @@ class ArduPlane(MissionPilot):
     def _leave_return(self) -> None:
         """Go on in AUTO: with RTL_AUTOLAND 2 to the landing sequence, with 4 by the closest return path."""
         choice, items = self.parameters["RTL_AUTOLAND"], self.store.mission
-        starts = [item.sequence for item in items if item.command == Command.DO_LAND_START]
-        target = starts[0] if starts and choice == _LAND_AT_ONCE else None
+        here = (*self.flight.position, self.flight.estimate.up_m)
+        target = closest_start(items, self._position, here) if choice == _LAND_AT_ONCE else None
         if choice == _BY_RETURN_PATH:
-            here = (*self.flight.position, self.flight.estimate.up_m)
             target = closest_leg(items, self._position, here)
             if target is not None:
                 self.say(mavlink.MAV_SEVERITY_INFO, "Return path started")

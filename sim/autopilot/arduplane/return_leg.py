@@ -1,4 +1,4 @@
-"""The leg of a return path that a return to launch joins, as ArduPlane 4.7 chooses it."""
+"""The landing sequence, or the leg of a return path, that a return to launch joins, as in ArduPlane 4.7."""
 
 from __future__ import annotations
 
@@ -12,6 +12,29 @@ from ..telemetry import Target
 
 _SEARCHED_MAX = 1_000  # Items that are looked at, over all return paths.
 _JUMPS_MAX = 64
+
+
+def closest_start(
+    items: Sequence[MissionItem], position_of: Callable[[MissionItem], Target], here: Target
+) -> int | None:
+    """Sequence of the closest DO_LAND_START; None without one.
+
+    It is where it says, or without a place where the next item with one is.
+
+    Parameters
+    ----------
+    items, position_of, here
+        As in :func:`closest_leg`.
+    """
+    found, least = None, math.inf
+    for start in items[1:]:
+        if start.command == Command.DO_LAND_START:
+            placed = (item for item in items[start.sequence :] if _is_placed(item) or item is start)
+            item = next((item for item in placed if item.latitude_e7 or item.longitude_e7), None)
+            away = math.inf if item is None else math.dist(position_of(item), here)
+            if away < least:
+                found, least = start.sequence, away
+    return found
 
 
 def closest_leg(
@@ -47,7 +70,7 @@ def _closest_on(
     """Sequence of the end of the closest leg of one path, and its distance [m]; it ends with a landing."""
     end, away, before = None, math.inf, None
     for item in walked:
-        if is_navigation(item.command) and (item.latitude_e7 or item.longitude_e7):
+        if _is_placed(item):
             place = position_of(item)
             distance = _distance(before or place, place, here) if place != before else math.inf
             if distance < away:
@@ -56,6 +79,11 @@ def _closest_on(
         if item.command in (Command.NAV_LAND, Command.DO_LAND_START):
             break
     return end, away
+
+
+def _is_placed(item: MissionItem) -> bool:
+    """Whether an item is flown to."""
+    return is_navigation(item.command) and bool(item.latitude_e7 or item.longitude_e7)
 
 
 def _walk(items: Sequence[MissionItem], sequence: int) -> Iterator[MissionItem]:

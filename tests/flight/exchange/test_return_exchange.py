@@ -68,13 +68,13 @@ def made(dies_after=10_000):
     return ReturnExchange(SwapParts(flight, link, None, ManualClock(), NobodyAsked())), link, flight
 
 
-def store(exchange, bank):
-    return asyncio.run(exchange.store(bank))
+def store(exchange, bank, start=Command.DO_RETURN_PATH_START):
+    return asyncio.run(exchange.store(bank, start))
 
 
-def joined(link):
+def joined(link, start=Command.DO_RETURN_PATH_START):
     """Waypoints and circle of the return path that would be joined; None without one."""
-    number = joined_item(link.items, FRAME, 584.0, HERE)
+    number = joined_item(link.items, FRAME, 584.0, HERE, start)
     if number is None:
         return None
     return [
@@ -107,6 +107,16 @@ def test_the_second_takes_its_place_and_the_missions_stay():
     assert link.items[:42] == before
     assert sum(item.command == Command.DO_RETURN_PATH_START for item in link.items) == 1
     assert flight.listed.stored == tuple(link.items)
+
+
+def test_where_landings_are_looked_for_the_path_begins_with_one():
+    exchange, link, _ = made()
+    for bank in (OLD, NEW):
+        assert store(exchange, bank, Command.DO_LAND_START) == ""
+    assert joined(link) is None
+    whole = [(item.latitude_e7, item.longitude_e7) for item in NEW if item.command < 100]
+    assert joined(link, Command.DO_LAND_START) == whole
+    assert sum(item.command == Command.DO_LAND_START for item in link.items) == 1
 
 
 def num_written(banks):
