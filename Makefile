@@ -1,6 +1,6 @@
 # Every target starts from nothing but Python 3.11 or newer with pip and venv.
 .DEFAULT_GOAL := help
-.PHONY: ground returns glide mutants page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
+.PHONY: encounters ground returns glide mutants page-test page-vendor mavproxy-test rerun-test interrupted tables real garbage intercepted fuzzer corruptions image help venv lock audit fuzz fly warm test coverage pythons explore test-long torture campaigns bench reachability hostile soak docs lint format clean
 
 PYTHON ?= $(shell for name in python3 python3.13 python3.12 python3.11; do \
 	$$name -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$name && break; done)
@@ -154,6 +154,13 @@ team-fast: $(STAMP) ## fly RUNS teams of AIRCRAFT (128) that share their plans, 
 .PHONY: team-goals
 team-goals: $(STAMP) ## fly N (50) teams of four that share goals, of which one is gone at a random moment; FLAGS=--px4
 	$(BIN)/python -m tests.team -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+
+# Rows and tables lie in flights/encounters; FLAGS=--resume goes on with what was stopped.
+encounters: $(STAMP) ## fly encounters with the models of MIT Lincoln Laboratory in the folder MODELS, and print their tables
+	MODELS='$(abspath $(MODELS))' $(BIN)/companion campaign campaigns/encounters/lincoln.yaml \
+		--jobs $(patsubst logical,2,$(JOBS)) --out flights/encounters $(FLAGS)
+	$(BIN)/companion results flights/encounters
+	cat flights/encounters/results.md
 
 reachability: $(STAMP) ## renew docs/figures/reachability.*: 1,000 pursuits against the RS estimators
 	$(BIN)/python -m tests.proofs.pursuits

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import itertools
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -246,7 +247,7 @@ def _models(document: Document, path: Path, config: CampaignConfig) -> dict[str,
         if not file:
             raise document.error(("settings", setting), f"a setting with {key[-1]}, the aircraft that pass")
         try:
-            texts[setting] = model_text(path.parent / file), file
+            texts[setting] = model_text(path.parent / os.path.expandvars(file)), file
             passing_from_text(*texts[setting])
         except ConfigError as error:
             raise document.error(key, f"a model that passes: {error}") from None

@@ -42,7 +42,9 @@ class EncounterConfig(Section):
     """The aircraft that pass."""
 
     model: str = ""
-    """An encounter model in the format of MIT Lincoln Laboratory, or a scenario (.daa), from here on."""
+    """An encounter model in the format of MIT Lincoln Laboratory, or a scenario (.daa), from here on.
+
+    Environment variables, such as ``$MODELS``, are replaced by their values."""
     spread: Annotated[float, Field(ge=0.1, le=10.0)] = 1.5
     """Largest miss distances of the flight alone, over those of the well clear volume of ASTM F3442."""
 

@@ -188,6 +188,19 @@ def test_encounters_have_a_model_for_each_setting(tmp_path):
     assert again.identity()["models"] != told
 
 
+def test_the_models_of_the_shipped_page_are_looked_for_where_the_environment_says(tmp_path, monkeypatch):
+    file = MODEL.parent / "lincoln.yaml"
+    for name in ("uncor_1200only_fwse_v1p2.txt", "uncor_1200only_rotorcraft_v1p2.txt", "glider_v1.txt"):
+        (tmp_path / name).write_text(MODEL.read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.setenv("MODELS", str(tmp_path))
+    campaign = load_campaign(file)
+    assert (campaign.config.name, len(campaign.runs)) == ("lincoln", 300)
+    assert set(campaign.models) == {"fixed wing", "rotorcraft", "glider"}
+    monkeypatch.delenv("MODELS")
+    with pytest.raises(ConfigError, match=r"got \$MODELS/uncor_1200only_fwse_v1p2\.txt; expected a model"):
+        load_campaign(file)
+
+
 @pytest.mark.parametrize(
     ("key", "words"),
     [
