@@ -19,6 +19,7 @@ BoolArray = NDArray[np.bool_]
 SAMPLES_A_POST = 4  # Lines are looked at so often from one post to the next,
 SAMPLE_MIN_M = 2.0  # but not more often than this.
 TOLERANCE_M = 3.0  # The least height over ground may be passed by this much.
+TRACK_TOLERANCE_M = 1.0  # And by this much by a simulated track, from which the aircraft strays.
 NEAR_EYE_M = 5.0  # Ground this near to either end of a line hides nothing: posts do not show it.
 
 
@@ -115,7 +116,7 @@ class GroundHeights:
         tolerance_m : float
             The greatest height over ground may be passed by this [m].
         """
-        least, starts, ends = self.height_min_m - TOLERANCE_M, positions_enu_m[:-1], positions_enu_m[1:]
+        least, starts, ends = self.height_min_m - TRACK_TOLERANCE_M, positions_enu_m[:-1], positions_enu_m[1:]
         over = positions_enu_m[:, 2] - self.up_m(positions_enu_m)
         within = np.flatnonzero((over >= least) & (over <= self.height_max_m + tolerance_m))
         rows = np.arange(1, len(positions_enu_m))
