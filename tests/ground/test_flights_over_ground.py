@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config import load_mission
 from companion.config.sections.terrain_map import posts_of
 from companion.types.events import Dialect
+from tests.ground.ground_flights import LEAST_M, fly
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import SitlHarness
 
@@ -73,6 +74,14 @@ def test_a_map_that_is_40_m_too_high_is_told_and_the_right_one_is_not(tmp_path, 
     for text in told:
         theirs, ours = (int(number) for number in re.findall(r"(\d+) m", text))
         assert ours - theirs == pytest.approx(40.0, abs=10.0)
+
+
+@pytest.mark.slow
+def test_a_step_down_that_arduplane_makes_at_once_keeps_the_least_height():
+    """Judged on the slope of its leg, this flight's mission descended by 13 m at once, to 53 m."""
+    flight = fly(6024)
+    assert flight.reached
+    assert flight.least_m > LEAST_M - 3.0
 
 
 def test_who_knows_no_ground_flies_into_the_ridge():

@@ -102,10 +102,14 @@ def test_a_track_may_have_to_keep_the_lowest_height_as_closely_as_the_clearance(
 
 
 def test_a_track_over_ground_keeps_both_limits_once_it_has_kept_them():
-    """Ground that rises by a tenth; limits 50 and 120 m, of which the lower may be passed by 3 m."""
+    """Ground that rises by a tenth; limits 50 and 120 m, of which the lower may be passed by 1 m."""
     ground = GroundHeights(posts_over(lambda east, north: 0.1 * east), 50.0, 120.0)
     track = np.array([[100.0 + 20.0 * n, 100.0, 70.0 + 2.0 * n] for n in range(20)])  # 60 m over ground
     assert ground.track_violations(track, 0.0) == ()
+    for down, is_kept in ((10.8, True), (11.2, False)):
+        dipped = track.copy()
+        dipped[7, 2] -= down
+        assert (ground.track_violations(dipped, 0.0) == ()) is is_kept
     lower, higher, begins_low = track.copy(), track.copy(), track.copy()
     lower[7, 2] -= 20.0
     higher[7, 2] += 70.0
