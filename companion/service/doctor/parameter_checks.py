@@ -68,9 +68,9 @@ ARDUPLANE = (
     ),
     ParameterCheck(
         "RTL_AUTOLAND",
-        lambda v: 1.0 <= v <= 4.0,
-        "set 4, and the planner keeps a checked return path, or 2: "
-        "with 0 it does not arm while the mission has a DO_LAND_START",
+        lambda v: v in (2.0, 4.0),
+        "set 4, or 2 before version 4.7, and the planner keeps a checked return path: "
+        "others return straight, and with 0 it does not arm while the mission has a DO_LAND_START",
     ),
     ParameterCheck(
         "AVD_ENABLE",
