@@ -223,16 +223,16 @@ def health(metrics: MetricsPort = None) -> None:
     import urllib.error
     import urllib.request
 
-    def told(answer: http.client.HTTPResponse | urllib.error.HTTPError) -> str:
+    def body_of(answer: http.client.HTTPResponse | urllib.error.HTTPError) -> str:
         return plain_text.printable(answer.read(HEALTH_MAX).decode(errors="replace").strip())
 
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
         with direct.open(f"http://127.0.0.1:{metrics}/healthz", timeout=3.0) as answer:
-            console.print(told(answer), markup=False, soft_wrap=True)
+            console.print(body_of(answer), markup=False, soft_wrap=True)
     except urllib.error.HTTPError as error:
         with error:
-            console.print(told(error), markup=False, soft_wrap=True)
+            console.print(body_of(error), markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_FAILED) from None
     except (OSError, http.client.HTTPException) as error:
         console.print(
@@ -328,12 +328,12 @@ def report(
     flight: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="A flight's folder.")],
 ) -> None:
     """Write the report of a flight from its recording."""
-    from companion.service.replay import flight_summary as told
+    from companion.service.replay import flight_summary
     from companion.ui.reports.report import write_report
 
-    mission, world, record = told.flight_of(flight)
+    mission, world, record = flight_summary.flight_of(flight)
     with _writing(flight, "report"):
-        page, picture = write_report(flight, mission, world, record, told.report_name(record))
+        page, picture = write_report(flight, mission, world, record, flight_summary.report_name(record))
     console.print(
         f"report: {plain_text.printable(page)}\npicture: {plain_text.printable(picture)}",
         markup=False,

@@ -69,9 +69,9 @@ class Planned:
     @property
     def measures(self) -> Mapping[str, object]:
         """Measures of the paper's tables by name, as in ``companion plan --json``."""
-        told = result_of(self.answer, self.mission)
-        del told["path"]
-        return told
+        measures = result_of(self.answer, self.mission)
+        del measures["path"]
+        return measures
 
     def picture(self, file: str | Path, *, dpi: int = 150) -> Path:
         """Draw the plan with its search, as a PNG."""

@@ -100,8 +100,8 @@ def faults_of(document: Document) -> tuple[MissionConfig | None, list[ConfigErro
     except ConfigError as error:
         return None, [error]
     except ValidationError as error:
-        told = [explained(local, [entry]) for entry in error.errors(include_url=False)]
-        return None, sorted(told, key=lambda entry: entry.line or 0)
+        faults = [explained(local, [entry]) for entry in error.errors(include_url=False)]
+        return None, sorted(faults, key=lambda entry: entry.line or 0)
     found = [local.error(path, expected) for path, expected in findings(config)]
     return None if found else config, found
 

@@ -184,8 +184,8 @@ class _Handler(BaseHTTPRequestHandler):
             return _json({"error": str(error), "is_superseded": True})
         except ConfigError as error:
             path = [int(part) if part.isdecimal() else part for part in error.key.split(".")]
-            told = {"error": str(error), "path": path, "key": error.key, "got": error.value}
-            return _json(told | {"expected": error.expected, "line": error.line})
+            answer = {"error": str(error), "path": path, "key": error.key, "got": error.value}
+            return _json(answer | {"expected": error.expected, "line": error.line})
         except CompanionError as error:
             return _said(HTTPStatus.OK, str(error))
         return _said(HTTPStatus.NOT_FOUND, "there is no such request") if found is None else _json(found)

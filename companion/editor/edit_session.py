@@ -82,7 +82,7 @@ class EditSession:
             Number of messages that are known already.
         """
         flight = self._flight
-        return {"lines": [], "next": 0, "is_over": True} if flight is None else flight.told(since)
+        return {"lines": [], "next": 0, "is_over": True} if flight is None else flight.messages_since(since)
 
     def ground(self) -> bytes:
         """Return tiles and heights about the mission as JSON; empty while the mission is wrong."""

@@ -141,7 +141,7 @@ def _planned(mission: MissionConfig, rule: StopRule) -> Plan:
 def _document(mission: MissionConfig, plan: Plan) -> dict[str, object]:
     """Return what the page shows of a plan."""
     path = plan.path
-    told: dict[str, object] = {
+    document: dict[str, object] = {
         "reaches_goal": plan.reaches_goal,
         "status": plan.status.value,
         "notes": plan.notes,
@@ -153,7 +153,7 @@ def _document(mission: MissionConfig, plan: Plan) -> dict[str, object]:
         "path": [],
     }
     if path is not None:
-        told |= {
+        document |= {
             "path": np.column_stack([path.times_s, path.positions_enu_m, path.threat_levels])
             .round(3)
             .tolist(),
@@ -166,7 +166,7 @@ def _document(mission: MissionConfig, plan: Plan) -> dict[str, object]:
             "lowest_m": float(path.positions_enu_m[:, 2].min()),
             "num_goals": len(goals_of(mission)),
         }
-    return plain(told)  # type: ignore[return-value]
+    return plain(document)  # type: ignore[return-value]
 
 
 def _threatened_m(path: Path) -> float:

@@ -1,4 +1,4 @@
-"""Flights in the simulator for the editor's page: one at a time, told message by message as it goes."""
+"""Flights in the simulator for the editor's page: one at a time, published message by message as it goes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from companion.research.campaign.run_places import WATCHED, places
 
 LINES_MAX = 50_000  # Of a flight so many messages are kept.
 # The page of the editor draws these; others are large, or said again by them.
-TOLD = frozenset(
+TOPICS = frozenset(
     {
         channels.OWNSHIP, channels.TRACKS, channels.THREAT, channels.DECISION, channels.STANDING,
         channels.SNAPSHOT, channels.PLAN, channels.SWAP,
@@ -90,7 +90,7 @@ class WatchedFlight:
             self._fault = str(error)
 
     def _listen(self, topic: str, _now_s: float, _message: Mapping[str, object], data: bytes) -> None:
-        if topic in TOLD and len(self._lines) < LINES_MAX:
+        if topic in TOPICS and len(self._lines) < LINES_MAX:
             self._lines.append(f"{topic} {data.decode()}")
 
     def stop(self) -> None:
@@ -98,7 +98,7 @@ class WatchedFlight:
         self._is_wanted = False
         self._thread.join()
 
-    def told(self, since: int) -> dict[str, object]:
+    def messages_since(self, since: int) -> dict[str, object]:
         """Return the messages from a number on, and the measures once the flight is over.
 
         Parameters

@@ -136,7 +136,7 @@ class RecordedPlanTiming:
     Parameters
     ----------
     stopped_at : int or None
-        The question at which it was told to stop; None if it never was.
+        The question at which it was asked to stop; None if it never was.
     took_s : float
         By the clock.
     due_s, seen_s : float or None

@@ -108,7 +108,7 @@ def _by_recovery_path(
 ) -> Plan | None:
     """The shortest way to where a plan may begin, and the plan from there.
 
-    Where there is none it is told that the start is invalid, or None where it is only near to something.
+    Where there is none the answer is that the start is invalid, or None where it is only near to something.
     """
     problem, limits = exploration.problem, exploration.limits
     is_walled_in = clearance(*problem.start.position_enu_m, problem.snapshot.walls, 1.0) <= 0.0

@@ -198,15 +198,15 @@ def number(value: object, limit: float = 1e15) -> float | None:
     return float(value) if abs(value) <= limit else None  # NaN compares false.
 
 
-def utc_of(told: Document) -> float | None:
+def utc_of(document: Document) -> float | None:
     """Return the UTC of a document with a Foxglove timestamp [s]; None if it has none.
 
     Parameters
     ----------
-    told : dict
+    document : dict
         Message of a recording.
     """
-    at = told.get("timestamp")
+    at = document.get("timestamp")
     if not isinstance(at, dict):
         return None
     return (number(at.get("sec")) or 0.0) + 1e-9 * (number(at.get("nsec")) or 0.0)

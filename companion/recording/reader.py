@@ -214,8 +214,8 @@ def _remembered_of(remembered: object) -> Document:
         "goals_reached": number(kept.get("goals_reached")),
         "parameters": {
             name: value
-            for name, told in (parameters.items() if isinstance(parameters, dict) else ())
-            if (value := number(told)) is not None
+            for name, recorded in (parameters.items() if isinstance(parameters, dict) else ())
+            if (value := number(recorded)) is not None
         },
         "memory": {
             end: text(coded, _REMEMBERED_MAX)
@@ -234,9 +234,9 @@ def _intact(entries: Sequence[Entry], counters: Counter[str]) -> list[Entry]:
 
 def _epoch_s(about: Document, entries: Sequence[Entry]) -> float:
     """Return the UTC at clock reading 0 [s]: as recorded, else that of the first frame."""
-    told = number(about.get("epoch_s"))
-    if told is not None:
-        return told
+    recorded = number(about.get("epoch_s"))
+    if recorded is not None:
+        return recorded
     return entries[0].time_s if entries else 0.0
 
 

@@ -46,11 +46,11 @@ from companion.team.wire import (
     read_payload,
     read_plan,
     report_payloads,
-    told_plan,
+    transmitted_plan,
 )
 
 Margin = Callable[[SharedPlan, SharedPlan, float], float]
-WORSE_M = 15.0  # What is told of a path is rounded, and its tolerances differ, by no more than this.
+WORSE_M = 15.0  # The announced path is rounded, and its tolerances differ, by no more than this.
 
 
 class Outcome(enum.Enum):
@@ -161,7 +161,7 @@ class Agreement:
         return frozenset(other for other, heard_s in self._heard_s.items() if heard_s <= heard_after_s)
 
     def members_deviating(self, now_s: float) -> frozenset[int]:
-        """Return the members that do not fly what they told: they are to be treated as any other aircraft."""
+        """Return members that deviate from their announced plans: they are treated as any other aircraft."""
         since_s = now_s - self._settings.deviating_after_s
         return frozenset(other for other, off_s in self._off_since_s.items() if off_s <= since_s)
 
@@ -206,25 +206,25 @@ class Agreement:
         if plan.start_s > now_s:
             raise ValueError("plan: expected one that has begun")
         numbered = replace(plan, member=self.member, number=self._next)
-        told = told_plan(numbered, self._frame, self._settings.simplify_m)
+        transmitted = transmitted_plan(numbered, self._frame, self._settings.simplify_m)
         against = {
             other.member
             for other in self.plans_to_clear()
-            if self._is_too_near(told, self._committed, other, now_s)
+            if self._is_too_near(transmitted, self._committed, other, now_s)
         }
         if against:
             self._end_proposal(Outcome.REFUSED, frozenset(against))
             return None
         self._next = next_number(self._next)
-        self._proposal = Proposal(told, commit_before_s)
+        self._proposal = Proposal(transmitted, commit_before_s)
         self._outcome, self._refused_by = Outcome.PENDING, frozenset()
-        self._standing = Standing(self._standing.committed, told.number, is_pending=True)
+        self._standing = Standing(self._standing.committed, transmitted.number, is_pending=True)
         self._pacing.note_proposal(now_s)
         self._settle(now_s)
-        return told
+        return transmitted
 
     def announce(self, plan: SharedPlan) -> SharedPlan:
-        """Tell what is flown although nobody has approved it, instead of the committed plan.
+        """Announce what is flown although nobody has approved it, instead of the committed plan.
 
         That is for what cannot be changed or was not agreed on: the first seconds of a flight, a return, a
         pilot's own flying. It may conflict with what others have committed before. From now on nobody
@@ -246,14 +246,14 @@ class Agreement:
             If the plan is too long, or lies beyond what the format holds.
         """
         numbered = replace(plan, member=self.member, number=self._next)
-        told = told_plan(numbered, self._frame, self._settings.simplify_m)
+        transmitted = transmitted_plan(numbered, self._frame, self._settings.simplify_m)
         self._next = next_number(self._next)
         if self._proposal is not None:
             self._end_proposal(Outcome.WITHDRAWN)
-        self._committed, self._standing = told, Standing(told.number, told.number)
+        self._committed, self._standing = transmitted, Standing(transmitted.number, transmitted.number)
         self._pacing.note_news()
         self._pacing.note_wanted()
-        return told
+        return transmitted
 
     def hold(self) -> None:
         """Keep what is proposed however late it is: it is being entered."""

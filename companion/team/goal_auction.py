@@ -38,7 +38,7 @@ from companion.team.wire import (
     tick_near,
 )
 
-TOLD_TIMES = 4  # What is new is sent so many times at short intervals.
+TRANSMISSIONS = 4  # What is new is sent so many times at short intervals.
 # A member that is so late bids again. It says then that it will be late by as much again. So the goals behind
 # one that it does not reach are given to others.
 LATE_TICKS = 300
@@ -93,7 +93,7 @@ class GoalAuction:
         self._all = (1 << len(self._goals_m)) - 1
         self._bids: dict[int, PlacedBid] = {}
         self._flown = 0
-        self._untold = 0
+        self._transmissions_left = 0
         self._lists: tuple[frozenset[int], Lists] | None = None
 
     @property
@@ -193,14 +193,14 @@ class GoalAuction:
         now_s : float
             UTC time [s].
         """
-        own, is_new = self._bids.get(self._member), self._untold == TOLD_TIMES
-        if own is None or not pacing.takes_bid(now_s, is_new=is_new, is_recent=self._untold > 0):
+        own, is_new = self._bids.get(self._member), self._transmissions_left == TRANSMISSIONS
+        if own is None or not pacing.takes_bid(now_s, is_new=is_new, is_recent=self._transmissions_left > 0):
             return []
-        self._untold = max(self._untold - 1, 0)
-        return [bid_payload(standing, self.told)]
+        self._transmissions_left = max(self._transmissions_left - 1, 0)
+        return [bid_payload(standing, self.transmitted)]
 
     @property
-    def told(self) -> GoalBid:
+    def transmitted(self) -> GoalBid:
         """What this member says now; it has bid already."""
         return replace(self._bids[self._member].bid, flown=self._flown)
 
@@ -225,7 +225,7 @@ class GoalAuction:
             tick, round(float(latitude[0]) * 1e7), round(float(longitude[0]) * 1e7), self._airspeed_steps,
             goal, min(takes, 65_535), is_available,
         )  # fmt: skip
-        self._untold = TOLD_TIMES
+        self._transmissions_left = TRANSMISSIONS
         return self._place(self._member, bid, tick)
 
     def _place(self, member: int, bid: GoalBid, tick: int) -> PlacedBid:
@@ -240,7 +240,7 @@ class GoalAuction:
     def _note_flown(self, flown: int) -> None:
         if flown | self._flown != self._flown:
             self._flown |= flown
-            self._untold, self._lists = TOLD_TIMES, None
+            self._transmissions_left, self._lists = TRANSMISSIONS, None
 
     def _auctioned(self, bids: Mapping[int, PlacedBid]) -> Lists:
         """Return the outcome for some bids: first the goals that members fly to, then one goal at a time."""

@@ -135,7 +135,7 @@ class SharedPlan:
         return level <= self.tolerance_m and up <= self.tolerance_up_m
 
 
-def largest_distance(flown: SharedPlan, told: SharedPlan) -> tuple[float, float]:
+def largest_distance(flown: SharedPlan, sent: SharedPlan) -> tuple[float, float]:
     """Return how far a plan is from another version of itself at most, horizontally and vertically [m].
 
     The difference of two places is linear in time between the rows of both, so its length is largest at a
@@ -145,18 +145,18 @@ def largest_distance(flown: SharedPlan, told: SharedPlan) -> tuple[float, float]
     ----------
     flown : SharedPlan
         The plan as its member flies it.
-    told : SharedPlan
+    sent : SharedPlan
         The plan as the others read it. It leaves the first circle no sooner and enters the last no later.
     """
-    times = np.concatenate([flown.rows[:, 0], told.rows[:, 0]])
+    times = np.concatenate([flown.rows[:, 0], sent.rows[:, 0]])
     times = np.concatenate([times - LOOK_S, times, times + LOOK_S])
     times = times[times >= flown.start_s]
-    found = [told.distance_from(flown.place_at(t), t) for t in times.tolist() if t < flown.end_s]
-    apart = flown.rows[-1, 1:] - told.rows[-1, 1:]  # of the centres
-    found.append((math.hypot(apart[0], apart[1]) + flown.radius_m - told.radius_m, abs(float(apart[2]))))
-    found.append((float(flown.discs_m[0] - told.discs_m[0]), 0.0))
-    if told.leaves_s < flown.leaves_s:  # The time on the way is too short to be rounded so that it does not.
-        found.append((float(flown.discs_m[0] + np.hypot(*(flown.rows[0, 1:3] - told.rows[1, 1:3]))), 0.0))
+    found = [sent.distance_from(flown.place_at(t), t) for t in times.tolist() if t < flown.end_s]
+    apart = flown.rows[-1, 1:] - sent.rows[-1, 1:]  # of the centres
+    found.append((math.hypot(apart[0], apart[1]) + flown.radius_m - sent.radius_m, abs(float(apart[2]))))
+    found.append((float(flown.discs_m[0] - sent.discs_m[0]), 0.0))
+    if sent.leaves_s < flown.leaves_s:  # The time on the way is too short to be rounded so that it does not.
+        found.append((float(flown.discs_m[0] + np.hypot(*(flown.rows[0, 1:3] - sent.rows[1, 1:3]))), 0.0))
     return max(0.0, *(level for level, _ in found)), max(up for _, up in found)
 
 

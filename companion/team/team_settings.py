@@ -30,7 +30,7 @@ class TeamSettings:
     member_bytes_s : float
         Bytes a second that one member may send at most on average, however small the team is [B/s].
     simplify_m : float
-        Rows are left out of a plan that is told where that moves it by less [m]; its tolerance grows by that.
+        Rows are left out of an announced plan where that moves it by less [m]; its tolerance grows by that.
     frame_bytes : int
         Bytes around each payload: 12 of a MAVLink 2 frame and 5 of TUNNEL; 13 more if it is signed.
     """

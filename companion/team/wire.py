@@ -231,7 +231,7 @@ def report_payloads(report: Report) -> list[bytes]:
 
 
 def plan_payloads(standing: Standing, plan: SharedPlan, frame: LocalFrame) -> list[bytes]:
-    """Return a plan that :func:`told_plan` made as payloads."""
+    """Return a plan that :func:`transmitted_plan` made as payloads."""
     body = _plan_body(plan, frame)
     parts = [body[at : at + FRAGMENT_BYTES] for at in range(0, len(body), FRAGMENT_BYTES)]
     head = _header(PLAN, standing)
@@ -240,7 +240,7 @@ def plan_payloads(standing: Standing, plan: SharedPlan, frame: LocalFrame) -> li
     ]
 
 
-def told_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.0) -> SharedPlan:
+def transmitted_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.0) -> SharedPlan:
     """Return a plan exactly as the others will read it.
 
     Rows that matter little are left out, the rest is rounded, and the tolerance grows by what that moves it.

@@ -224,8 +224,8 @@ class OwnshipEstimator:
 
     def _wind_now(self, now_s: float) -> tuple[tuple[float, float], float]:
         """Return the autopilot's fresh wind, else our own, else the latest, with its deviation."""
-        told, own, max_age_s = self._wind, self._own_wind, self._settings.wind_max_age_s
-        wind = _fresh(told, now_s, max_age_s) or _fresh(own, now_s, max_age_s) or told or own
+        reported, own, max_age_s = self._wind, self._own_wind, self._settings.wind_max_age_s
+        wind = _fresh(reported, now_s, max_age_s) or _fresh(own, now_s, max_age_s) or reported or own
         if wind is None:
             return (0.0, 0.0), UNKNOWN_WIND_STD_M_S
         return (wind.wind_east_m_s, wind.wind_north_m_s), wind.std_m_s

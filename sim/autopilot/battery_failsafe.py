@@ -36,13 +36,13 @@ class BatteryFailsafe:
     def __init__(self, battery: SimulatedBattery, parameters: Parameters) -> None:
         self._battery, self._parameters = battery, parameters
         self._is_px4 = "BAT_CRIT_THR" in parameters.names
-        self._is_told = False
+        self._is_reported = False
 
     def check(self) -> LowBattery | None:
         """Return what becomes of the battery at the moment at which it is low; None before and after."""
-        if self._is_told or not self._is_low():
+        if self._is_reported or not self._is_low():
             return None
-        self._is_told = True
+        self._is_reported = True
         if self._is_px4:
             return LowBattery("Critical battery level", self._parameters["COM_LOW_BAT_ACT"] == PX4_RETURN)
         battery = self._battery

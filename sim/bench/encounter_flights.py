@@ -136,21 +136,21 @@ def flown_encounter(
 
 
 def _alert_before_s(flight: Flight, alone: FloatArray, tracks: Mapping[str, FloatArray]) -> float | None:
-    """Return how long before the flight ``alone`` (N, 4) loses well clear the pilot was told of traffic [s].
+    """Return how long before the flight ``alone`` (N, 4) loses well clear the pilot was warned [s].
 
     ``tracks`` are those of the other aircraft, (M, 7) each.
 
-    It is None where the flight alone stays well clear, or where the pilot was not told.
+    It is None where the flight alone stays well clear, or where the pilot was not warned.
     """
     lost_s = [
         float(rows[inside][0, 0])
         for rows, inside in (_inside(alone, other, SMALL_AIRCRAFT) for other in tracks.values())
         if inside.any()
     ]
-    told_s = [
+    announced_s = [
         entry.stamp_s for entry in flight.recorder.decisions if entry.kind == DecisionKind.TRAFFIC.value
     ]
-    return min(lost_s) - min(told_s) if lost_s and told_s else None
+    return min(lost_s) - min(announced_s) if lost_s and announced_s else None
 
 
 def _flown(flight: Flight) -> FloatArray:

@@ -56,7 +56,7 @@ class AnytimeRunner:
         """Search, and compute the cost of the paths found."""
         if run.method in ANYTIME_METHODS:
             return self._by_others(run)
-        told: dict[str, Scalar | None] = {}
+        measures: dict[str, Scalar | None] = {}
         first_s = None
         judge = _exploration(self._problem(run, OURS))
         problem = self._problem(run, run.method)
@@ -69,22 +69,22 @@ class AnytimeRunner:
             cost = None
             if plan.path is not None and reached:
                 cost = cost_between(judge, route_from_path(judge, plan.path))
-            told[f"cost_{mark_s:g}_s"] = cost
+            measures[f"cost_{mark_s:g}_s"] = cost
             if reached:
                 first_s = plan.measures.path_search_time_s
-        return Outcome({}, told | {"success": first_s is not None, "first_s": first_s})
+        return Outcome({}, measures | {"success": first_s is not None, "first_s": first_s})
 
     def _by_others(self, run: Run) -> Outcome:
         judge = _exploration(self._problem(run, OURS))
         found = searched(judge, run.method, run.seed, MARKS_S)
         edges = Edges(judge)
-        told: dict[str, Scalar | None] = {
+        measures: dict[str, Scalar | None] = {
             f"cost_{mark_s:g}_s": None if poses is None else _cost(judge, edges, poses)
             for mark_s, poses in found.poses.items()
         }
         asked = found.asked
-        told |= {"asked": asked.edges + asked.costs, "asked_s": asked.edges_s + asked.costs_s}
-        return Outcome({}, told | {"success": found.first_s is not None, "first_s": found.first_s})
+        measures |= {"asked": asked.edges + asked.costs, "asked_s": asked.edges_s + asked.costs_s}
+        return Outcome({}, measures | {"success": found.first_s is not None, "first_s": found.first_s})
 
     def _problem(self, run: Run, method: str) -> Problem:
         mission = self._campaign.mission(run.mission, run.setting)

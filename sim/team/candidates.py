@@ -15,7 +15,7 @@ from .scenes import Scene
 
 OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the way, as shares of its length.
 TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.
-# The plan that is told has larger tolerances, for what is rounded and left out. A way that is clear by less
+# The announced plan has larger tolerances, for what is rounded and left out. A way that is clear by less
 # would be refused, again and again.
 ROUNDING_M, ROUNDING_UP_M = 5.0, 2.5
 LEVEL_M = 100.0  # The last part of a way is at the height of the circle, and longer than its radius.

@@ -42,10 +42,10 @@ def settles(kind, goals, starts, weather, seed):
         [(east + 9000.0, north) for east, north in far], starts, weather, seed, kind=kind, lost_s=math.inf
     )
     game.pass_time(60, moves=False)
-    bids = {number: one.auction.told for number, one in game.members.items()}
+    bids = {number: one.auction.transmitted for number, one in game.members.items()}
     agrees = in_agreement(game)
     game.pass_time(30, moves=False)
-    return agrees and bids == {number: one.auction.told for number, one in game.members.items()}
+    return agrees and bids == {number: one.auction.transmitted for number, one in game.members.items()}
 
 
 FAR = st.tuples(st.floats(300.0, 3000.0), st.floats(-3000.0, 3000.0))
@@ -71,7 +71,7 @@ def test_all_goals_end_flown_while_one_lives(goals, starts, weather, paces, deat
     assert flown == set(range(len(goals)))
 
 
-def as_told(places):
+def as_transmitted(places):
     """Places as bids tell them, so that a flight can be exactly as it was foreseen."""
     latitude, longitude = FRAME.places_from_local(*np.array(places, dtype=float).T)
     return np.column_stack(FRAME.places_from_global(np.round(latitude, 7), np.round(longitude, 7)))
@@ -80,14 +80,14 @@ def as_told(places):
 @settings(max_examples=60)
 @given(GOALS, STARTS)
 def test_while_all_fly_as_foreseen_no_goal_changes_its_owner(goals, starts):
-    goals, starts = as_told(goals), as_told(starts)
+    goals, starts = as_transmitted(goals), as_transmitted(starts)
     ids = range(1, len(starts) + 1)
     members = {m: GoalAuction(m, goals, FRAME, 20.0) for m in ids}
 
     def look(number, now_s, place, **more):
         members[number].look(now_s, tuple(place), ids, **more)
         for other in members.values():
-            other.receive(number, members[number].told, now_s)
+            other.receive(number, members[number].transmitted, now_s)
 
     for _ in range(2 * len(starts)):
         for number in ids:
@@ -96,9 +96,9 @@ def test_while_all_fly_as_foreseen_no_goal_changes_its_owner(goals, starts):
     reached = {number: [] for number in ids}
     while any(len(reached[number]) < len(foreseen[number]) for number in ids):
         flying = [(one._bids[number].arrives, number) for number, one in members.items()
-                  if one.told.goal is not None]  # fmt: skip
+                  if one.transmitted.goal is not None]  # fmt: skip
         tick, number = min(flying)
-        reached[number].append(members[number].told.goal)
+        reached[number].append(members[number].transmitted.goal)
         look(number, 0.1 * tick, goals[reached[number][-1]], reached=reached[number])
         for one in members.values():
             left = {m: foreseen[m][len(reached[m]):] for m in ids}  # fmt: skip
@@ -128,10 +128,10 @@ class ForgetsToRepeat(GoalAuction):
     """Says everything once."""
 
     def payloads(self, standing, pacing, now_s):
-        if not self._untold:
+        if not self._transmissions_left:
             return []
-        self._untold = 0
-        return [bid_payload(standing, self.told)]
+        self._transmissions_left = 0
+        return [bid_payload(standing, self.transmitted)]
 
 
 BESIDE = [(500.0 + 40.0 * n, 30.0 * n) for n in range(6)]
@@ -158,10 +158,10 @@ def test_the_goals_of_one_that_is_lost_are_won_by_the_others_and_it_gets_them_ba
 def test_who_returns_home_holds_no_goal_and_what_it_has_flown_stays_flown():
     one, other = (GoalAuction(m, np.array([[900.0, 0.0], [2000.0, 0.0]]), FRAME, 20.0) for m in (1, 2))
     assert one.look(BEGIN_S, (0.0, 0.0), {1}) == (0, 1)
-    other.receive(1, one.told, BEGIN_S)
+    other.receive(1, one.transmitted, BEGIN_S)
     assert other.look(BEGIN_S, (500.0, 500.0), {1, 2}) == (1,)
     assert one.look(BEGIN_S + 45.0, (900.0, 0.0), {1}, reached=[0], is_available=False) == ()
-    other.receive(1, one.told, BEGIN_S + 45.0)
+    other.receive(1, one.transmitted, BEGIN_S + 45.0)
     assert other.flown == (0,)
     assert other.look(BEGIN_S + 46.0, (500.0, 500.0), {1, 2}) == (1,)
     assert other.lists({1, 2}) == {2: (1,)}
@@ -174,10 +174,10 @@ def test_goals_behind_one_that_is_not_reached_go_to_another_member():
     for seconds in range(200):
         now_s = BEGIN_S + seconds
         mine = one.look(now_s, (600.0, 0.0), {1, 2})
-        other.receive(1, one.told, now_s)
+        other.receive(1, one.transmitted, now_s)
         theirs = other.look(now_s, (2600.0, 0.0), {1, 2}, is_available=seconds > 50)
         if seconds > 50:
-            one.receive(2, other.told, now_s)
+            one.receive(2, other.transmitted, now_s)
     assert mine == (0,)
     assert theirs == (1,)
 
@@ -215,7 +215,9 @@ def test_bids_travel_with_the_agreement_and_a_goal_that_there_is_not_is_nobodys(
             members[3 - number].receive(number, payload, BEGIN_S + 1.0)
     found = [one.auction.look(BEGIN_S + 2.0, (0.0, 0.0), {1, 2}) for one in members.values()]
     assert found == [(0,), (1,)]
-    strange = replace(members[1].auction.told, tick=members[1].auction.told.tick + 1, goal=99, flown=1 << 80)
+    strange = replace(
+        members[1].auction.transmitted, tick=members[1].auction.transmitted.tick + 1, goal=99, flown=1 << 80
+    )
     members[2].receive(1, bid_payload(Standing(), strange), BEGIN_S + 3.0)
     assert members[2].auction.lists({1, 2}) == {1: (0,), 2: (1,)}
 

@@ -17,7 +17,7 @@ from companion.team.wire import (
     read_payload,
     read_plan,
     report_payloads,
-    told_plan,
+    transmitted_plan,
 )
 from tests.team.team_plans import BEGIN_S, FRAME, plan, zigzag
 
@@ -30,22 +30,22 @@ def joined(payloads):
 
 
 def test_a_plan_of_ten_legs_fits_one_payload_with_its_circle():
-    told = told_plan(plan(*zigzag(10)), FRAME)
-    assert len(told.rows) == 11
-    (payload,) = plan_payloads(STANDING, told, FRAME)
+    transmitted = transmitted_plan(plan(*zigzag(10)), FRAME)
+    assert len(transmitted.rows) == 11
+    (payload,) = plan_payloads(STANDING, transmitted, FRAME)
     assert len(payload) == 115 <= PAYLOAD_BYTES
 
 
 @pytest.mark.parametrize("frame", [FRAME, LocalFrame(47.41, 8.48, 300.0)])
 def test_a_long_plan_is_read_from_its_fragments(frame):
-    told = told_plan(plan(*zigzag(40), is_emergency=True, room=3), FRAME)
-    payloads = plan_payloads(STANDING, told, FRAME)
+    transmitted = transmitted_plan(plan(*zigzag(40), is_emergency=True, room=3), FRAME)
+    payloads = plan_payloads(STANDING, transmitted, FRAME)
     assert len(payloads) == 3
     assert max(map(len, payloads)) <= PAYLOAD_BYTES
     read = read_plan(joined(payloads), 1, 1, frame, BEGIN_S + 1e6)
-    assert (read.is_emergency, read.room, read.radius_m) == (True, 3, told.radius_m)
-    for instant in np.linspace(told.start_s, told.end_s + 10.0, 50):
-        here, there = told.place_at(instant), read.place_at(instant)
+    assert (read.is_emergency, read.room, read.radius_m) == (True, 3, transmitted.radius_m)
+    for instant in np.linspace(transmitted.start_s, transmitted.end_s + 10.0, 50):
+        here, there = transmitted.place_at(instant), read.place_at(instant)
         assert frame.global_from_local(*there) == pytest.approx(FRAME.global_from_local(*here), abs=1e-2)
         east, north, up = frame.local_from_global(*FRAME.global_from_local(*here))
         assert (east, north, up) == pytest.approx(there, abs=0.1)
@@ -77,14 +77,14 @@ def plans(draw):
 def test_who_keeps_the_tolerance_of_the_plan_keeps_that_of_the_plan_that_is_told(
     flown, part, angle, simplify_m
 ):
-    told = told_plan(flown, FRAME, simplify_m)
+    transmitted = transmitted_plan(flown, FRAME, simplify_m)
     instant = flown.start_s + part * 1.2 * (flown.end_s - flown.start_s)
     east, north, up = flown.place_at(instant)
     off = flown.tolerance_m + flown.disc_at(instant)
     place = (east + off * np.sin(angle), north + off * np.cos(angle), up + flown.tolerance_up_m)
-    assert told.is_flown_at(place, instant)
+    assert transmitted.is_flown_at(place, instant)
     assert (
-        told_plan(told, FRAME).tolerance_m <= told.tolerance_m + 0.5
+        transmitted_plan(transmitted, FRAME).tolerance_m <= transmitted.tolerance_m + 0.5
     )  # What was rounded hardly moves again.
 
 
@@ -132,7 +132,7 @@ def test_any_bytes_are_read_or_refused(payload):
 @settings(max_examples=300)
 @given(st.integers(0, 114), st.integers(0, 255))
 def test_a_damaged_plan_is_read_or_refused(place, value):
-    (payload,) = plan_payloads(STANDING, told_plan(plan(*zigzag(10)), FRAME), FRAME)
+    (payload,) = plan_payloads(STANDING, transmitted_plan(plan(*zigzag(10)), FRAME), FRAME)
     damaged = payload[:place] + bytes([value]) + payload[place + 1 :]
     try:
         found = read_payload(damaged)
@@ -174,6 +174,6 @@ def test_what_a_member_says_only_ever_moves_on():
 
 def test_a_plan_beyond_the_format_is_refused():
     with pytest.raises(ValueError, match="format"):
-        told_plan(plan((0, 0, 0), (1000, 0, 20_000)), FRAME)
+        transmitted_plan(plan((0, 0, 0), (1000, 0, 20_000)), FRAME)
     with pytest.raises(ValueError, match="rows"):
-        told_plan(plan(*zigzag(250)), FRAME)
+        transmitted_plan(plan(*zigzag(250)), FRAME)

@@ -65,7 +65,7 @@ CORRECTIONS = 3  # Further corrections move waypoints by less than a metre.
 GAIN = 0.8  # Share of a deviation by which a waypoint is moved against it: less than 1 converges.
 LATE_ENTRY_MAX_M = 130.0  # A late aircraft joins a mission at most so far behind its third waypoint.
 GOAL_TOLERANCE_M = 5.0  # A path reaches the goal if it ends this close to the goal's region.
-SLOWED_M_S = 2.0  # An aircraft this much faster than cruise has to be told to slow down.
+SLOWED_M_S = 2.0  # An aircraft this much faster than cruise has to be commanded to slow down.
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 NO_CIRCLE = Violation("ending", 0, 0.0, 0.0, "no circle along the path has room")
 

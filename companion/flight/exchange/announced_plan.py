@@ -52,7 +52,7 @@ def announced_rows(state: FlightState, ownship: Ownship, current: MissionCurrent
 
 
 def circled(rows: FloatArray) -> tuple[FloatArray, float]:
-    """Return what is told of a flight, and the radius of the circle in which it ends.
+    """Return the announced rows of a flight, and the radius of the circle in which it ends.
 
     Parameters
     ----------

@@ -3,8 +3,8 @@
 Steps: the idle return bank is disarmed, written, read back, and armed; then the other one is disarmed.
 Whatever step is the last, an armed bank holds a complete return path that was checked.
 
-The exchange gives way to a mission's: it is written in small parts, and ends between two of them if it is
-told to. A part is not abandoned halfway, because ArduPlane would deny partial uploads for 8 s (measured).
+The exchange gives way to a mission's: it is written in small parts, and ends between two of them on request.
+A part is not abandoned halfway, because ArduPlane would deny partial uploads for 8 s (measured).
 Only the first exchange sends the whole list, which makes room for the banks. It may be abandoned, since an
 upload of the whole list restarts it.
 """

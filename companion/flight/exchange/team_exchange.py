@@ -29,7 +29,7 @@ from companion.types.events import ClockReported, TeamMessage
 from companion.types.threat import TrackState
 
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
-PLANNED_BESIDE_M = 25.0  # Tolerances of told plans are up to about 10 m larger, and plans keep off that.
+PLANNED_BESIDE_M = 25.0  # Announced plans have tolerances of up to 10 m more, and plans keep clear of those.
 
 
 @dataclass(slots=True)
@@ -187,7 +187,7 @@ class TeamExchange:
         if plan is None:
             return ""
         self._is_asking = True
-        # Which way the autopilot flies may have become known since; while this is proposed it cannot be told.
+        # The autopilot's direction may have become known since. It cannot be announced during a proposal.
         self._announce(agreement, utc_s, anew=self._flight.state.flown is None)
         if agreement.propose(plan, utc_s, constructed.start.state.stamp_s + ahead_s) is None:
             return f"the path of system {_listed(agreement.refused_by)}"
@@ -251,7 +251,7 @@ class TeamExchange:
         self._is_asking = False
 
     def status(self) -> dict[str, object]:
-        """Return the members, where they are and what they told, for pages; nothing without a team.
+        """Return the members, where they are and what they announced, for pages; nothing without a team.
 
         Goals are numbered from 1 as in the mission file. A team that shares none has no list of flown ones.
         """
@@ -270,7 +270,7 @@ class TeamExchange:
                 "is_own": member == agreement.member,
                 "is_lost": member in lost,
                 "place_enu_m": self._place_of(member) if member not in lost else None,
-                "plan_enu_m": _told_rows(plans.get(member)),
+                "plan_enu_m": _plan_rows(plans.get(member)),
                 "circle_m": round(plans[member].radius_m, 1) if member in plans else 0.0,
                 "goals": [goal + 1 for goal in lists.get(member, ())],
             }
@@ -286,9 +286,9 @@ class TeamExchange:
     # --- where the others will be
 
     def with_members(self, tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
-        """Return tracks in which members fly what they told.
+        """Return tracks in which members fly their announced plans.
 
-        One that is lost, is off its path or told nothing is an aircraft that passes, too.
+        A member that is lost, deviates or has announced nothing is an aircraft that passes, too.
 
         Parameters
         ----------
@@ -308,12 +308,12 @@ class TeamExchange:
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
         plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
-        as_told = {plan.member for plan in plans}
-        as_told -= agreement.members_deviating(utc_s) | agreement.members_lost(utc_s)
+        as_announced = {plan.member for plan in plans}
+        as_announced -= agreement.members_deviating(utc_s) | agreement.members_lost(utc_s)
         others += [
             replace(track, max_threat_radius_m=reach_m, flies_on=True, is_airborne=True, clear_up_m=up_m)
             for member, track in sighted.items()
-            if member not in as_told
+            if member not in as_announced
         ]
         bounds = self._flight.state.mission.bounds
         area = np.array([bounds.east_m, bounds.north_m, bounds.up_m])
@@ -325,7 +325,7 @@ class TeamExchange:
         return tuple(sorted(others, key=lambda track: track.identity))
 
 
-def _told_rows(plan: SharedPlan | None) -> list[list[float]]:
+def _plan_rows(plan: SharedPlan | None) -> list[list[float]]:
     """Return the places of a plan, each east, north, up [m]."""
     return [] if plan is None else np.round(plan.rows[:, 1:], 1).tolist()
 

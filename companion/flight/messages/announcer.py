@@ -16,7 +16,7 @@ from companion.types.pilot_text import PilotMessage
 from companion.types.pilot_texts import pilot_message
 from companion.types.record import UploadedMission
 
-SAME_STRETCH_S = 10.0  # A stretch without a field that changes by less is not told again.
+SAME_STRETCH_S = 10.0  # A stretch without a field that changes by less is not announced again.
 REPEAT_S = 30.0  # A text is not repeated within this time, unless another about its subject was sent.
 
 
@@ -110,8 +110,8 @@ class Announcer:
         if not isinstance(seconds, int) or not isinstance(stretches, tuple) or not stretches:
             return
         after_s = int(stretches[0][0])
-        begin_s, (told_s, told_seconds) = self._clock.now_s() + after_s, self._stretch
-        if abs(begin_s - told_s) <= SAME_STRETCH_S and abs(seconds - told_seconds) <= SAME_STRETCH_S:
+        begin_s, (last_s, last_seconds) = self._clock.now_s() + after_s, self._stretch
+        if abs(begin_s - last_s) <= SAME_STRETCH_S and abs(seconds - last_seconds) <= SAME_STRETCH_S:
             return
         self._stretch = begin_s, seconds
         words = f"{after_s // 60}:{after_s % 60:02d}"

@@ -31,12 +31,12 @@ from companion.types.events import BatteryReported, Event
 from companion.types.path import Path
 from companion.types.state import Ownship
 
-TOLD_S = (60.0, 30.0)  # The pilot is told this long before the aircraft must turn back.
+ANNOUNCED_S = (60.0, 30.0)  # The pilot is informed this long before the aircraft must turn back.
 EARLY_S = 1.5  # A little earlier, because the margin is computed once a second.
-FAR_AGAIN_S = 30.0  # The pilot is told again if meanwhile the time was longer than the first by this much.
+FAR_AGAIN_S = 30.0  # Both are announced again once the time has exceeded the first by this much.
 # The last minute counts less than the whole flight by as much as rising and sinking air may change it.
 RECENT_SHARE = 0.9
-RATIO_TOLD = 1.3  # The pilot is told of a battery that falls this many times as fast as modelled.
+RATIO_ANNOUNCED = 1.3  # A battery that falls this many times as fast as modelled is announced.
 # The service turns back this long before the margin is gone: the command, its answer, and the next look.
 TURN_LEAD_S = 5.0
 COMMAND_AGAIN_S = 5.0  # A return that the autopilot has not begun is commanded again after this time.
@@ -76,10 +76,11 @@ class EnergyWatch:
         self._forget_flight()
 
     def _forget_flight(self) -> None:
-        """Forget what was told in a flight that is over."""
+        """Forget what was announced in a flight that is over."""
         self.outlook, self.is_turning_back, self._way_home_ends_s = None, False, math.inf
-        self._commanded_s, self._told_s = -math.inf, math.inf
-        self._is_ratio_told = self._is_reach_told = self._is_blocked_told = self._has_turned = False
+        self._commanded_s, self._announced_s = -math.inf, math.inf
+        self._is_ratio_announced = self._is_reach_announced = False
+        self._is_blocked_announced = self._has_turned = False
 
     def observe(self, event: Event) -> None:
         """Take an event of the aircraft."""
@@ -133,7 +134,7 @@ class EnergyWatch:
         self._tell_ratio(now_s)
         self.outlook = outlook = self._outlook(state, ownship, now, now_s)
         if state.mode is not Mode.ACTIVE:
-            self._told_s = math.inf
+            self._announced_s = math.inf
             return self._is_unanswered(state, now_s)
         self.is_turning_back = False
         if outlook is None or state.flown is None:
@@ -216,9 +217,9 @@ class EnergyWatch:
     def _tell_ratio(self, now_s: float) -> None:
         """Tell once a flight that the battery falls faster than modelled."""
         ratio = None if self._estimator is None else self._estimator.ratio(now_s)
-        if ratio is None or ratio <= RATIO_TOLD or self._is_ratio_told:
+        if ratio is None or ratio <= RATIO_ANNOUNCED or self._is_ratio_announced:
             return
-        self._is_ratio_told = True
+        self._is_ratio_announced = True
         words = f"it falls {ratio:.2f} times as fast as planned"
         self._announcer.decide(
             DecisionKind.ENERGY, words, why={"ratio": ratio}, tell="battery ratio", ratio=f"{ratio:.1f}"
@@ -227,9 +228,9 @@ class EnergyWatch:
     def _tell_reach(self, state: FlightState, outlook: EnergyOutlook) -> None:
         """Tell once, after the takeover, whether goal and home can both be reached."""
         energy, left_wh = state.mission.energy, outlook.at_home_wh
-        if self._is_reach_told or left_wh is None or energy is None or not state.flies_to_goal:
+        if self._is_reach_announced or left_wh is None or energy is None or not state.flies_to_goal:
             return
-        self._is_reach_told = True
+        self._is_reach_announced = True
         is_reached = left_wh >= float(energy.reserve_wh)
         verdict = "goal and home reachable" if is_reached else "goal and home not both reachable"
         self._announcer.decide(
@@ -238,14 +239,14 @@ class EnergyWatch:
         )  # fmt: skip
 
     def _tell_time(self, outlook: EnergyOutlook) -> None:
-        """Tell how long before the aircraft must turn back: at each of :data:`TOLD_S`, or at once."""
+        """Tell how long before the aircraft must turn back: at each of :data:`ANNOUNCED_S`, or at once."""
         seconds = outlook.turn_back_in_s
-        if seconds > TOLD_S[0] + FAR_AGAIN_S:
-            self._told_s = math.inf
-        due_s = min((stage_s for stage_s in TOLD_S if seconds <= stage_s + EARLY_S), default=math.inf)
-        if due_s >= self._told_s:
+        if seconds > ANNOUNCED_S[0] + FAR_AGAIN_S:
+            self._announced_s = math.inf
+        due_s = min((stage_s for stage_s in ANNOUNCED_S if seconds <= stage_s + EARLY_S), default=math.inf)
+        if due_s >= self._announced_s:
             return
-        self._told_s = due_s
+        self._announced_s = due_s
         time = f"{max(math.floor(min(seconds, due_s)), 0)}"
         self._announcer.decide(
             DecisionKind.ENERGY, f"turn back in {time} s", why=_facts(outlook), tell="battery turn", time=time
@@ -262,8 +263,8 @@ class EnergyWatch:
                 DecisionKind.ENERGY, "turning back now", why=_facts(outlook), tell="battery return"
             )
             return True
-        if not self._is_blocked_told:
-            self._is_blocked_told = True
+        if not self._is_blocked_announced:
+            self._is_blocked_announced = True
             reason = "the way home is not known" if found is None else str(found[0])
             words = f"must turn back, but flies on: {reason}"
             self._announcer.decide(DecisionKind.ENERGY, words, why=_facts(outlook), tell="battery blocked")

@@ -1,7 +1,7 @@
 """Compare the ground below the aircraft, as the autopilot stores or measures it, with the map.
 
 The autopilot's stored heights may come from elsewhere than from the service. If they, a range finder or a
-PX4's estimator differ from the map, one of them is wrong, and the pilot is told.
+PX4's estimator differ from the map, one of them is wrong, and the pilot is informed.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class GroundWatch:
         self._heights = served_heights_of(flight.state.mission)
         followed_ground(flight.state)  # It takes seconds over a large map, and is kept for the flight.
         self._since_s: dict[str, tuple[float, float]] = {}  # When what is wrong began, and was seen last.
-        self._told: set[str] = set()
+        self._announced: set[str] = set()
 
     def observe(self, event: Event) -> None:
         """Take an event of the aircraft, and inform the pilot of a lasting difference."""
@@ -82,9 +82,9 @@ class GroundWatch:
             return False
         begun_s = now_s if now_s - seen_s > GAP_S else begun_s
         self._since_s[what] = begun_s, now_s
-        is_new = now_s - begun_s >= lasts_s and what not in self._told
+        is_new = now_s - begun_s >= lasts_s and what not in self._announced
         if is_new:
-            self._told.add(what)
+            self._announced.add(what)
         return is_new
 
     def _both(self, event: GroundReported, now_s: float) -> tuple[float, float] | None:

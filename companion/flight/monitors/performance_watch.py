@@ -1,6 +1,6 @@
 """Notice when the aircraft does not do what its plan says: no thrust, too low or high, beside, or slow.
 
-The ground below it is compared with the map, and the pilot is told of traffic, too.
+The ground below it is compared with the map, and the pilot is informed of traffic, too.
 
 The pilot is informed, and the next plan begins where the aircraft is.
 """
@@ -31,7 +31,7 @@ OFF_TRACK_M = 60.0  # An aircraft this far beside its path does not follow it.
 SLOW_SHARE = 0.7  # An aircraft slower than this share of the path's speed over ground is slow.
 LASTS_S = 3.0  # A deviation counts after this time.
 THRUST_AGAIN_S = 5.0  # Thrust is back once energy was gained for this time.
-SINK_MIN_M_S = 0.3  # The time to the ground is told of faster sinks.
+SINK_MIN_M_S = 0.3  # The time to the ground is announced if it sinks faster.
 
 
 class PerformanceWatch:

@@ -12,10 +12,10 @@ from companion.flight.state.decision import DecisionKind
 from companion.types.state import Ownship
 from companion.types.threat import TrackState
 
-AHEAD_S = 45.0  # An aircraft is told of that loses well clear within this time.
+AHEAD_S = 45.0  # An aircraft that loses well clear within this time is announced.
 STEP_S = 1.0
-AGAIN_S = 30.0  # It is told of again after this time, if it still comes near.
-LEVEL_M = 15.0  # Smaller differences in height are not told.
+AGAIN_S = 30.0  # It is announced again after this time, if it still comes near.
+LEVEL_M = 15.0  # Smaller differences in height are not announced.
 
 
 class TrafficWatch:
@@ -29,7 +29,7 @@ class TrafficWatch:
 
     def __init__(self, announcer: Announcer) -> None:
         self._announcer = announcer
-        self._told_s: dict[str, float] = {}
+        self._announced_s: dict[str, float] = {}
 
     def look(self, now_s: float, ownship: Ownship, tracks: Iterable[TrackState]) -> None:
         """Inform the pilot of aircraft that newly come near.
@@ -43,14 +43,16 @@ class TrafficWatch:
         tracks : iterable of TrackState
             All vehicles that are tracked.
         """
-        self._told_s = {name: told_s for name, told_s in self._told_s.items() if now_s - told_s < AGAIN_S}
+        self._announced_s = {
+            name: stamp_s for name, stamp_s in self._announced_s.items() if now_s - stamp_s < AGAIN_S
+        }
         for track in tracks:
-            # A member of a team that flies what it told is agreed with.
-            if not track.flies_on or track.keeps_route or track.identity in self._told_s:
+            # A member of a team that flies its announced plan is deconflicted by the agreement.
+            if not track.flies_on or track.keeps_route or track.identity in self._announced_s:
                 continue
             nearest_s = _loses_well_clear(ownship, track)
             if nearest_s is not None:
-                self._told_s[track.identity] = now_s
+                self._announced_s[track.identity] = now_s
                 self._tell(ownship, track, nearest_s)
 
     def _tell(self, ownship: Ownship, track: TrackState, nearest_s: float) -> None:

@@ -107,11 +107,11 @@ class WorldModel:
             self.ownship.observe(event)
 
     def listen_to_team(self, with_members: WithMembers) -> None:
-        """Let members of a team fly what they told, by a function of tracks and the clock's reading [s]."""
+        """Let team members fly their announced plans, by a function of tracks and the clock's reading [s]."""
         self._with_members = with_members
 
     def tracks(self, now_s: float) -> tuple[TrackState, ...]:
-        """Return all vehicles as estimated at an instant; members of a team by what they told."""
+        """Return all vehicles as estimated at an instant; members of a team by their announced plans."""
         return self._with_members(self.tracker.tracks(now_s), now_s)
 
     def snapshot(self, now_s: float) -> Snapshot:

@@ -38,6 +38,6 @@ class ProgressNotices:
                 self._recorder.notice(channels.OWNSHIP, now_s, channels.table_of(ownship, leave=("stamp_s",)))
         elif isinstance(event, TrackReport) and self._tracks.takes(now_s):
             track = self._world_model.tracker.track(event.identity, now_s)
-            # A member of a team flies what it told. The next row of the recording says so.
+            # A member of a team flies its announced plan. The next row of the recording says so.
             if track is not None and not members_among((track,), self._flight.state.mission.team_members)[0]:
                 self._recorder.notice(TRACK, now_s, {"track": channels.table_of(track)})

@@ -257,8 +257,8 @@ class Telemetry:
     def _wind_cov(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
         """Decode WIND_COV of PX4: the air's velocity north and east; an accuracy of 0 or NaN is unknown."""
         east, north = finite(message.wind_y, 150.0, "wind"), finite(message.wind_x, 150.0, "wind")
-        told = message.horiz_accuracy
-        return WindEstimate(stamp_s, east, north, told if 0.0 < told < SPEED_MAX_M_S else WIND_STD_M_S)
+        std_m_s = message.horiz_accuracy
+        return WindEstimate(stamp_s, east, north, std_m_s if 0.0 < std_m_s < SPEED_MAX_M_S else WIND_STD_M_S)
 
     def _accuracy(self, message: Message, stamp_s: float) -> EstimatorAccuracy:
         horizontal = finite(message.pos_horiz_accuracy, _STD_MAX_M, "accuracy")

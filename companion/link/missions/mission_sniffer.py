@@ -82,11 +82,11 @@ class MissionSniffer:
         """Take a frame of either direction; frames outside mission transfers are ignored."""
         source = (frame.system_id, frame.component_id)
         if source == (vehicle, ComponentId.AUTOPILOT1):
-            self._feed_told(frame)
+            self._feed_received(frame)
         else:
             self._feed_sent(frame, source, vehicle, stamp_s)
 
-    def _feed_told(self, frame: RawFrame) -> None:
+    def _feed_received(self, frame: RawFrame) -> None:
         """Take a frame of the autopilot: an item of a download, or an acknowledgement."""
         payload = frame.payload.ljust(40, b"\0")
         if frame.message_id == MessageId.MISSION_COUNT and payload[4] == MissionType.MISSION:

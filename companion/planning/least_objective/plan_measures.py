@@ -1,4 +1,4 @@
-"""What is told of a route: the measures of the paper's tables, and how far a search got."""
+"""What is reported of a route: the measures of the paper's tables, and how far a search got."""
 
 from __future__ import annotations
 

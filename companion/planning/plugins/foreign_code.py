@@ -1,4 +1,4 @@
-"""Code of other packages: found by entry points, loaded when it is named, its faults told with its package.
+"""Code of other packages: found by entry points, loaded when it is named, its faults named with its package.
 
 Foreign code may raise anything. Nothing of that leaves here but an error of ours, so that no fault of another
 package ends a program that flies.
@@ -76,10 +76,10 @@ def blamed(origin: str, expected: str, error: type[PluginError]) -> Iterator[Non
     try:
         yield
     except (Exception, SystemExit) as fault:
-        raise error(origin, _told(fault), expected) from fault
+        raise error(origin, _summary(fault), expected) from fault
 
 
-def _told(fault: BaseException) -> str:
+def _summary(fault: BaseException) -> str:
     """Return the kind and the first line of a foreign fault."""
     try:
         lines = str(fault).splitlines()

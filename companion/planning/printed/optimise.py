@@ -46,7 +46,7 @@ def rrt_star_route(
 ) -> Optimised:
     """RRT* on what remains of the tree: below the first waypoint that is not reached meanwhile.
 
-    In space it goes on while it gains, until it is told to stop or the iterations are used up.
+    In space it goes on while it gains, until it is asked to stop or the iterations are used up.
 
     Parameters
     ----------

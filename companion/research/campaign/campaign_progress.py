@@ -69,11 +69,11 @@ class _Tally:
         if over.outcome.error is not None:
             self.num_errors += 1
             return
-        told = json.loads(over.outcome.measures) | json.loads(over.outcome.timings)
-        if told.get("success") is not True:
+        measured = json.loads(over.outcome.measures) | json.loads(over.outcome.timings)
+        if measured.get("success") is not True:
             return
         self.num_successes += 1
-        for name, value in told.items():
+        for name, value in measured.items():
             if isinstance(value, int | float) and not isinstance(value, bool):
                 self.values[name].append(float(value))
 

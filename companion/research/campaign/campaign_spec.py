@@ -150,7 +150,7 @@ class Campaign:
 
     def identity(self) -> dict[str, object]:
         """What distinguishes this campaign from others, fit for JSON; as lists, because the order counts."""
-        told = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
+        values = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
         lists = {
             "models": [[name, _digest(text)] for name, (text, _) in self.models.items()],
             "missions": [[name, self.digest(name)] for name in self.texts],
@@ -158,7 +158,7 @@ class Campaign:
             "planners": self._foreign_planners(),
             "threat_models": self._foreign_threat_models(),
         }
-        return told | {key: entries for key, entries in lists.items() if entries}
+        return values | {key: entries for key, entries in lists.items() if entries}
 
     def _foreign_planners(self) -> list[list[str]]:
         """Return methods that are other packages' planners, each with its package and version."""
@@ -262,12 +262,12 @@ def _see_that_part_passes(document: Document, config: CampaignConfig, setting: s
     ConfigError
         At the key in the campaign's file.
     """
-    told, (section, kind) = part_of(config.settings[setting], part), PARTS[part]
-    for name in () if config.kind == kind else told:
+    values, (section, kind) = part_of(config.settings[setting], part), PARTS[part]
+    for name in () if config.kind == kind else values:
         expected = f"no such key with 'kind: {config.kind}', only with 'kind: {kind}'"
         raise document.error(("settings", setting, f"{part}.{name}"), expected)
     try:
-        section.model_validate(told)
+        section.model_validate(values)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         name = str(first["loc"][0])

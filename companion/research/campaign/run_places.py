@@ -9,7 +9,7 @@ import typer
 
 EXTRA_COMMANDS = "companion.commands"  # Entry points of packages that add commands and places to run.
 FLIGHT = "flight"  # Place that flies one flight for a Python program.
-WATCHED = "watched"  # Place that flies one flight for the editor, which is told as it goes.
+WATCHED = "watched"  # Place that flies one flight for the editor, and publishes it as it goes.
 PURSUERS = "pursuers"  # Place that drives the moving threats against a plan.
 _PLACES = {"plans": "companion.research.campaign.plan_outcomes:PlanRunner"}
 

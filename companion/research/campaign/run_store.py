@@ -105,7 +105,7 @@ class RunStore:
             except BlockingIOError:
                 found = "a campaign that is running"
                 raise ConfigError(str(folder), None, "--out", found, "a folder nobody writes to") from None
-            with _told(folder / DATABASE):
+            with _database_errors(folder / DATABASE):
                 open_to_write(
                     folder / DATABASE, append=True
                 ).close()  # Created with our permissions, and through no symlink.
@@ -130,7 +130,7 @@ class RunStore:
             raise ConfigError(
                 str(folder), None, "FOLDER", "nothing of a campaign", f"a folder with {DATABASE}"
             )
-        with _told(file), contextlib.ExitStack() as undone:
+        with _database_errors(file), contextlib.ExitStack() as undone:
             connection = sqlite3.connect(file, timeout=_BUSY_S)
             undone.callback(connection.close)
             store = cls(folder, connection)
@@ -146,29 +146,29 @@ class RunStore:
 
     def identity(self) -> dict[str, object]:
         """The campaign's identity, see :meth:`Campaign.identity`; empty if there are no rows yet."""
-        with _told(self._file):
+        with _database_errors(self._file):
             rows = self._connection.execute("SELECT value FROM campaign WHERE key = 'identity'").fetchall()
         return cast("dict[str, object]", json.loads(rows[0][0])) if rows else {}
 
     def texts(self) -> dict[str, str]:
         """The mission files' texts, by the missions' names."""
-        with _told(self._file):
+        with _database_errors(self._file):
             rows = self._connection.execute("SELECT value FROM campaign WHERE key = 'missions'").fetchall()
         return cast("dict[str, str]", json.loads(rows[0][0])) if rows else {}
 
     def numbers(self) -> set[int]:
         """Numbers of the runs that have a row."""
-        with _told(self._file):
+        with _database_errors(self._file):
             return {number for (number,) in self._connection.execute("SELECT number FROM runs")}
 
     def rows(self) -> Iterator[Row]:
         """All rows, by their numbers."""
         chosen = "number, mission, setting, method, seed, error, measures, timings, commit_id, machine"
-        with _told(self._file):
+        with _database_errors(self._file):
             for row in self._connection.execute(f"SELECT {chosen} FROM runs ORDER BY number"):
                 number, mission, setting, method, seed, error, measures, timings, commit, machine = row
-                told = json.loads(measures) | json.loads(timings)
-                yield Row(number, mission, setting, method, int(seed), error, told, commit, machine)
+                measured = json.loads(measures) | json.loads(timings)
+                yield Row(number, mission, setting, method, int(seed), error, measured, commit, machine)
 
     def add(self, over: Finished, digest: str, provenance: Provenance) -> None:
         """Write one row.
@@ -186,12 +186,12 @@ class RunStore:
             over.started.isoformat(timespec="milliseconds"), round(over.duration_s, 6), over.attempts,
             outcome.timings,
         )  # fmt: skip
-        with _told(self._file):
+        with _database_errors(self._file):
             self._connection.execute(f"INSERT INTO runs VALUES ({', '.join('?' * len(row))})", row)
 
     def _prepare(self, campaign: Campaign, *, resumes: bool) -> None:
         """Create the tables, or check that they belong to this campaign."""
-        with _told(self._file):
+        with _database_errors(self._file):
             run = self._connection.execute
             run("PRAGMA journal_mode = WAL")
             run("PRAGMA synchronous = NORMAL")  # A power cut may lose the last rows, and nothing else.
@@ -211,13 +211,13 @@ class RunStore:
                 found,
                 f"{expected}, as the rows in {self._file} have, or another --out",
             )
-        with _told(self._file):
+        with _database_errors(self._file):
             written = (("identity", json_text(wanted)), ("missions", json_text(dict(campaign.texts))))
             self._connection.executemany("INSERT OR REPLACE INTO campaign VALUES (?, ?)", written)
 
 
 @contextlib.contextmanager
-def _told(file: Path) -> Iterator[None]:
+def _database_errors(file: Path) -> Iterator[None]:
     """Raise an error that names what the database cannot do."""
     try:
         yield

@@ -249,9 +249,9 @@ class _File:
     def numbers(self, section: str, count: int, line: int = 0) -> FloatArray:
         """Return ``count`` numbers (N,) of a section's line, none of them negative but in boundaries."""
         lines = self.lines[section]
-        told = lines[line].split() if line < len(lines) else []
+        words = lines[line].split() if line < len(lines) else []
         try:
-            found = np.array([float(word) for word in told])
+            found = np.array([float(word) for word in words])
         except ValueError:
             raise self.error(section, lines[line][:40], "numbers") from None
         if len(found) != count:
@@ -315,9 +315,9 @@ def _sections(text: str, name: str) -> dict[str, list[str]]:
             current.append(line)
     for section in SECTIONS:
         if not found.get(section):
-            told = "nothing" if section in found else "no such section"
+            words = "nothing" if section in found else "no such section"
             raise ConfigError(
-                name, None, section, told, "lines of numbers or labels after '# " + section + "'"
+                name, None, section, words, "lines of numbers or labels after '# " + section + "'"
             )
     return found
 

@@ -80,7 +80,7 @@ def _detours_table(case: Case) -> ResultTable:
 
 
 def _alerts_table(case: Case) -> ResultTable:
-    """How long before the flight alone loses well clear the pilot was told, and how often needlessly."""
+    """How long before the flight alone loses well clear the pilot was warned, and how often needlessly."""
     rows = []
     for method, sample in case.samples.items():
         would = happened(sample, f"without.{LOSS}")

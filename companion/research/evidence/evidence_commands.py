@@ -40,10 +40,10 @@ def campaign_from_file(
         kept = f"stopped; what was made is kept, and --resume goes on: {where}"
         console.print(kept, markup=False, highlight=False, soft_wrap=True)
         raise
-    told = (
+    summary = (
         f"{done.num_rows} runs, {done.num_made} of them made now, {done.num_errors} of these errors: {where}"
     )
-    console.print(told, markup=False, highlight=False, soft_wrap=True)
+    console.print(summary, markup=False, highlight=False, soft_wrap=True)
 
 
 def results_in(folder: Path, console: Console, *, keep: Path | None = None, page: Path | None = None) -> None:

@@ -79,9 +79,9 @@ def results_page(title: str, leads: Sequence[str], parts: Sequence[Part]) -> str
         The parts, in order.
     """
     links = "\n".join(f'<a href="#part-{n}">{in_page(part.heading)}</a>' for n, part in enumerate(parts))
-    told = "\n".join(f'<p class="lead">{in_page(lead)}</p>' for lead in leads)
+    paragraphs = "\n".join(f'<p class="lead">{in_page(lead)}</p>' for lead in leads)
     bodies = "\n".join(_part(n, part) for n, part in enumerate(parts))
-    head = f"{told}\n<nav>\n{links}\n</nav>"
+    head = f"{paragraphs}\n<nav>\n{links}\n</nav>"
     return html_page(title, head, bodies, STYLE, after=f"<script>{SCRIPT}</script>\n")
 
 

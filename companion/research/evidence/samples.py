@@ -243,20 +243,22 @@ def stored(store: RunStore) -> tuple[list[Row], Mapping[str, object], Mapping[st
     return rows, store.identity(), dimensions
 
 
-def evidence_from(rows: Sequence[Row], told: Mapping[str, object], dimensions: Mapping[str, int]) -> Evidence:
+def evidence_from(
+    rows: Sequence[Row], identity: Mapping[str, object], dimensions: Mapping[str, int]
+) -> Evidence:
     """Arrange rows by mission, setting, method and seed.
 
     Parameters
     ----------
     rows : sequence of Row
         The rows, in any order.
-    told : mapping
+    identity : mapping
         The campaign's identity, see :meth:`companion.research.campaign.campaign_spec.Campaign.identity`.
     dimensions : mapping
         Number of dimensions of each mission.
     """
     missions, settings, methods, seeds = (
-        _names(told[key]) for key in ("missions", "settings", "methods", "seeds")
+        _names(identity[key]) for key in ("missions", "settings", "methods", "seeds")
     )
     by_case: dict[tuple[str, str, str], dict[int, Row]] = {}
     for row in rows:
@@ -272,8 +274,8 @@ def evidence_from(rows: Sequence[Row], told: Mapping[str, object], dimensions: M
         for setting in settings
     )
     return Evidence(
-        str(told["name"]),
-        str(told["kind"]),
+        str(identity["name"]),
+        str(identity["kind"]),
         cases,
         len(rows),
         len(missions) * len(settings) * len(methods) * len(seeds),

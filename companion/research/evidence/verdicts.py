@@ -108,13 +108,13 @@ def verdicts_table(of_case: list[Judged], title: str) -> ResultTable:
     )
     rows = []
     for entry in of_case:
-        less, more, told = entry.ordering.less, entry.ordering.more, entry.difference
+        less, more, size = entry.ordering.less, entry.ordering.more, entry.difference
         values = f"{entry.ordering.printed_less:g} < {entry.ordering.printed_more:g}"
         rows.append(
             (
                 Cell(str(entry.ordering.table), float(entry.ordering.table)),
                 *(Cell(text, text) for text in (entry.ordering.measure, less, more, values)),
-                Cell(NONE if told is None else interval_text(told), math.nan if told is None else told.value),
+                Cell(NONE if size is None else interval_text(size), math.nan if size is None else size.value),
                 Cell(str(entry.num_pairs), float(entry.num_pairs)),
                 *(Cell(text, text) for text in (entry.verdict.value, entry.remark)),
             )

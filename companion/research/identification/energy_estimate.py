@@ -26,7 +26,7 @@ WINDOWS_MIN = 20  # With fewer windows nothing is estimated.
 LAG_MAX = 6  # Residuals of windows that are farther apart count as independent.
 IDLE_SHARE = 0.25  # A window whose power is below this share of cruise may hold an idling motor.
 ROUNDS = 3  # Which windows idle depends on the model, and the model on them; this often it is tried.
-UNCERTAINTY_MAX = 0.5  # A key is not told if its interval reaches farther than this share of its value.
+UNCERTAINTY_MAX = 0.5  # A key is not reported if its interval reaches farther than this share of its value.
 
 
 @dataclass(frozen=True, slots=True)

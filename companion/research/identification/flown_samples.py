@@ -55,7 +55,7 @@ class Deviations:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class ReportedErrors:
     """Errors of the reported positions.
 
     Parameters
@@ -84,7 +84,7 @@ class Flown:
     name: str
     mission: MissionConfig
     deviations: tuple[Deviations, ...]
-    told: Told
+    reported_errors: ReportedErrors
     num_left_out: int
     windows: tuple[EnergyWindow, ...] = ()
 
@@ -190,11 +190,11 @@ class _Heard:
         accuracy = (horizontal, vertical, speed)
         self.accuracies.append(tuple(value if value > 0.0 else math.nan for value in accuracy))  # type: ignore[arg-type]
 
-    def errors(self) -> Told:
+    def errors(self) -> ReportedErrors:
         """The errors that follow from fixes, positions and velocities together."""
         rows = np.array(self.positions).reshape(-1, 9)
         fixes = np.array(self.fixes).reshape(-1, 4)
-        return Told(
+        return ReportedErrors(
             np.array(self.accuracies).reshape(-1, 3),
             _innovations(rows, fixes),
             _jerks(rows[:, 1], rows[:, 5:8]),

@@ -22,13 +22,13 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.kernels.aircraft.lqg_mp import propagate
 from companion.kernels.workspace import filter_scratch
-from companion.research.identification.flown_samples import Deviations, Flown, Told
+from companion.research.identification.flown_samples import Deviations, Flown, ReportedErrors
 from companion.world.vehicle.lqg import tables_once
 from companion.world.vehicle.vehicle_model import VehicleModel
 
 TRACKED_MIN_S = 60.0  # With less flight along plans nothing is estimated.
 INDEPENDENT_MIN = 8.0  # With fewer independent samples nothing is estimated.
-TOLD_MIN = 20  # Least number of fixes, or of differences between them.
+REPORTED_MIN = 20  # Least number of fixes, or of differences between them.
 TAU_S = 1.0
 STRAIGHT_ON = (0.0, 0.0, 0.0)
 LAG_MAX_S = 60.0
@@ -127,7 +127,7 @@ def identified(flights: Sequence[Flown], vehicle: VehicleModel) -> Identified:
     runs = [run for flight in flights for run in flight.deviations]
     tracked_s = float(sum(run.times_s[-1] - run.times_s[0] for run in runs))
     spreads = tuple(_spread_of(runs, column) for column in range(len(FIGURES)))
-    sensors = _sensor_keys([flight.told for flight in flights], vehicle)
+    sensors = _sensor_keys([flight.reported_errors for flight in flights], vehicle)
     known = {key.name: key.value for key in sensors if key.value is not None}
     seen = replace(
         vehicle,
@@ -280,7 +280,7 @@ def _sought(function: Callable[[float], float], goal: float, largest: float) -> 
     return 0.5 * (low + high)
 
 
-def _sensor_keys(reported: Sequence[Told], vehicle: VehicleModel) -> list[NoiseKey]:
+def _sensor_keys(reported: Sequence[ReportedErrors], vehicle: VehicleModel) -> list[NoiseKey]:
     """The accuracy of position and velocity: the larger of the reported and the observed error."""
     accuracies = np.concatenate([entry.accuracies for entry in reported])
     innovations = np.concatenate([entry.innovations for entry in reported])
@@ -314,13 +314,13 @@ def _sensor_key(name: str, reported: FloatArray, seen: FloatArray, scale: float)
         Factor from their unit to the key's.
     """
     reported = reported[np.isfinite(reported)]
-    median = float(np.median(reported)) if len(reported) >= TOLD_MIN else math.nan
+    median = float(np.median(reported)) if len(reported) >= REPORTED_MIN else math.nan
     spread = _without_outliers(seen)
-    noise = math.sqrt(float((spread**2).mean())) if len(spread) >= TOLD_MIN else math.nan
+    noise = math.sqrt(float((spread**2).mean())) if len(spread) >= REPORTED_MIN else math.nan
     values = [value for value in (median, noise) if math.isfinite(value) and value > 0.0]
     if not values:
         count = f"{len(reported)} accuracies reported, {len(spread)} differences"
-        note = f"too little: {count}; {TOLD_MIN} are needed"
+        note = f"too little: {count}; {REPORTED_MIN} are needed"
         return NoiseKey(name, None, math.nan, math.nan, note)
     words = []
     if math.isfinite(median):

@@ -114,7 +114,7 @@ class LinkDoctor:
             of_mission = await self._mission_findings()
         finally:
             await self._transport.close()
-        values = {name: _number(told, dialect) for name, told in self._values.items()}
+        values = {name: _number(parameter, dialect) for name, parameter in self._values.items()}
         return [
             version(dialect, self._version),
             self._loss(),
@@ -223,7 +223,7 @@ class LinkDoctor:
         return int(rest.rpartition(":")[2]) if kind == "serial" else None
 
 
-def _number(told: ParameterValue, dialect: Dialect) -> float:
+def _number(parameter: ParameterValue, dialect: Dialect) -> float:
     """Return the value, as the autopilot's dialect encodes it."""
-    value = told.number(is_bytewise=dialect.packs_parameters_bytewise)
+    value = parameter.number(is_bytewise=dialect.packs_parameters_bytewise)
     return value if math.isfinite(value) else math.nan

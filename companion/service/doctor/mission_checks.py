@@ -80,15 +80,15 @@ class MissionDoctor:
         flight.apply(after_settings_reported, settings)
         adopt(flight, protocols, read)
         self.goals = flight.state.goals
-        told = operator_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
-        returns = told.returns and f"a return to launch {told.returns}"
+        found = operator_summary_of(flight.state, self._ownship.state(now), protocols.dialect.num_home_items)
+        returns = found.returns and f"a return to launch {found.returns}"
         texts = (
-            (CHECK, told.plan), ("takeover", told.takeover), ("landing", told.landing), ("return", returns),
-            ("ground", told.lowest),
+            (CHECK, found.plan), ("takeover", found.takeover), ("landing", found.landing),
+            ("return", returns), ("ground", found.lowest),
         )  # fmt: skip
         findings = [ok(check, text) for check, text in texts if text]
         refused = shortfalls(mission, settings, flight.state.home_enu_m, flies_by=protocols.dialect.flies_by)
-        for fault in told.faults:
+        for fault in found.faults:
             if fault in refused:
                 advice = "change the mission file or the parameter: the service does not take over with it"
                 findings.append(fail(CHECK, fault, advice))

@@ -133,16 +133,16 @@ def _serial_names(dialect: Dialect) -> list[str]:
     return names + [f"SER_{port}_BAUD" for port in PX4_PORTS.values()]
 
 
-def version(dialect: Dialect, told: AutopilotVersion | None) -> Finding:
+def version(dialect: Dialect, reported: AutopilotVersion | None) -> Finding:
     """Check that the behaviour of the autopilot's version is known."""
     check, name = "autopilot", NAMES[dialect]
     major, minor = MEASURED[dialect]
     advice = f"its missions were measured with {major}.{minor}: try this one in its own simulation first"
-    if told is None:
+    if reported is None:
         return warn(check, f"{name}; it does not report its version", advice)
-    numbers = ".".join(map(str, told.numbers))
-    found = f"{name} {numbers}{RELEASES.get(told.release, '?')}"
-    return ok(check, found) if told.numbers[:2] == (major, minor) else warn(check, found, advice)
+    numbers = ".".join(map(str, reported.numbers))
+    found = f"{name} {numbers}{RELEASES.get(reported.release, '?')}"
+    return ok(check, found) if reported.numbers[:2] == (major, minor) else warn(check, found, advice)
 
 
 def parameter_findings(

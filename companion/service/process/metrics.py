@@ -160,9 +160,9 @@ class Endpoint:
             case "/metrics":
                 return Answer(HTTPStatus.OK, CONTENT_TYPE_LATEST, generate_latest(self._registry))
             case "/healthz":
-                told = self._supervision
-                status = HTTPStatus.SERVICE_UNAVAILABLE if told.is_stalled else HTTPStatus.OK
-                body = json.dumps({"ready": told.is_ready, "status": told.status}).encode() + b"\n"
+                state = self._supervision
+                status = HTTPStatus.SERVICE_UNAVAILABLE if state.is_stalled else HTTPStatus.OK
+                body = json.dumps({"ready": state.is_ready, "status": state.status}).encode() + b"\n"
                 return Answer(status, "application/json", body)
             case _:
                 return Answer(HTTPStatus.NOT_FOUND, "text/plain", b"/metrics or /healthz\n")

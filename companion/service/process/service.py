@@ -134,7 +134,7 @@ class Service:
             if self._metrics is not None and self._metrics_port is not None:
                 self._endpoint = Endpoint(self._metrics_port, self._metrics, self._supervision)
             async with asyncio.TaskGroup() as tasks:
-                beside = [tasks.create_task(self._warm()), tasks.create_task(self._reload_when_told())]
+                beside = [tasks.create_task(self._warm()), tasks.create_task(self._reload_on_request())]
                 while True:
                     await self._fly(stopping)
                     if stopping.is_set():
@@ -207,7 +207,7 @@ class Service:
             self._notifier.reloading()  # Before that, the READY=1 that ends a reload would be wrong.
         self._wants_reload.set()
 
-    async def _reload_when_told(self) -> None:
+    async def _reload_on_request(self) -> None:
         """Read and check the file in a thread at each request, and use it if it is valid."""
         while True:
             await self._wants_reload.wait()

@@ -58,7 +58,7 @@ class Arrivals:
         self._step_us = round(1e6 * (STEP_S if recording.is_ours else _FOREIGN_STEP_S))
         self._is_exact = recording.is_ours
         self._late_us = late_us
-        self._now_us, self._index, self._num_told = recording.start_us, 0, 0
+        self._now_us, self._index, self._num_reports = recording.start_us, 0, 0
         self._instants = deque(_instants_us(recording))
         self._waiting: deque[tuple[int, RawFrame]] = deque()
 
@@ -104,10 +104,10 @@ class Arrivals:
     def keeps(self, heard: RecordedFrame, num_said: int) -> bool:
         """Return whether a frame does not arrive now: our own, and answers that wait for their requests."""
         if heard.is_ours:
-            self._num_told += is_reported(heard.frame)
+            self._num_reports += is_reported(heard.frame)
             return True
-        if self._late_us and self._num_told > num_said and self.is_answer(heard.frame):
-            self._waiting.append((self._num_told, heard.frame))
+        if self._late_us and self._num_reports > num_said and self.is_answer(heard.frame):
+            self._waiting.append((self._num_reports, heard.frame))
             return True
         return False
 

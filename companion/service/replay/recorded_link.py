@@ -70,8 +70,12 @@ class ReplayLink(AutopilotLink):
     @property
     def current(self) -> MissionCurrent | None:
         """The current item; the model reports it all the time."""
-        told = super().current
-        return replace(told, stamp_s=self._clock.now_s()) if self.has_diverged and told is not None else told
+        current = super().current
+        return (
+            replace(current, stamp_s=self._clock.now_s())
+            if self.has_diverged and current is not None
+            else current
+        )
 
     @property
     def has_stored(self) -> bool:

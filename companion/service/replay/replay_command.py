@@ -255,11 +255,11 @@ def _by_time(
     flown: Sequence[Decision], now: Sequence[Decision], since_s: float
 ) -> Iterator[tuple[float, str, str]]:
     """Yield time, flown decisions and replayed decisions; simultaneous ones share a row."""
-    told: dict[float, list[list[str]]] = {}
+    rows: dict[float, list[list[str]]] = {}
     for column, decisions in enumerate((flown, now)):
         for entry in decisions:
             if entry.stamp_s >= since_s:
-                cells = told.setdefault(round(entry.stamp_s, 2), [[], []])
+                cells = rows.setdefault(round(entry.stamp_s, 2), [[], []])
                 cells[column].append(printable(f"{entry.kind}: {entry.text}"))
-    for stamp, (one, other) in sorted(told.items()):
+    for stamp, (one, other) in sorted(rows.items()):
         yield stamp, "\n".join(one), "\n".join(other)

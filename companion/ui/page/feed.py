@@ -1,4 +1,4 @@
-"""What viewers of a running flight are told: all that they need on connection, then each message.
+"""What viewers of a running flight receive: all that they need on connection, then each message.
 
 The recorder tells the feed in the service's event loop, where it puts bytes into lists and no more; the
 page's server takes them in a thread of its own. However slow that is, or dead, what waits is bounded.
@@ -31,7 +31,7 @@ _SOON_S, _DIGITS = 0.05, 2
 Row = tuple[Any, ...]  # time, east, north, up, airspeed, threat level
 
 # Channels that viewers do not get: the ownship's message has the same position.
-UNTOLD = frozenset({channels.LOCATION})
+UNPUBLISHED = frozenset({channels.LOCATION})
 
 
 def line_of(topic: str, data: bytes) -> bytes:
@@ -75,7 +75,7 @@ class Feed:
 
     def tell(self, topic: str, now_s: float, message: Mapping[str, object], data: bytes) -> None:
         """Take a message as the recorder writes it down."""
-        if topic in UNTOLD:
+        if topic in UNPUBLISHED:
             return
         with self._lock:
             self._keep(topic, now_s, message, data)
@@ -90,7 +90,7 @@ class Feed:
         self._tell_server()
 
     def _add_news(self, line: bytes) -> None:
-        """Add what those that look on are told, unless too much waits for the server already."""
+        """Add a line for the viewers, unless too much waits for the server already."""
         if len(self._news) >= NEWS_MAX:
             self._news.clear()
             self._is_lost = True

@@ -302,11 +302,11 @@ def _tiles_in(file: Path) -> Tiles:
     """Map tiles of a file."""
     raster = "an MBTiles file with pictures (format png, jpg or webp)"
     try:
-        told = {str(name): str(value) for name, value in _asked(file, "SELECT name, value FROM metadata")}
+        metadata = {str(name): str(value) for name, value in _asked(file, "SELECT name, value FROM metadata")}
         levels = _asked(file, "SELECT min(zoom_level), max(zoom_level) FROM tiles")[0]
     except (sqlite3.Error, ValueError) as error:
         raise _refused(file, str(error), raster) from error
-    kind = told.get("format", "nothing").strip().lower()
+    kind = metadata.get("format", "nothing").strip().lower()
     if kind not in _KINDS:
         raise _refused(file, f"format {printable(kind[:40])}", raster)
     low, high = levels
@@ -314,7 +314,7 @@ def _tiles_in(file: Path) -> Tiles:
         raise _refused(
             file, "no tiles" if low is None else f"zoom {low} to {high}", f"{raster}, zoom 0 to {ZOOM_MAX}"
         )
-    credit = re.sub(r"<[^>]*>", "", told.get("attribution", ""))
+    credit = re.sub(r"<[^>]*>", "", metadata.get("attribution", ""))
     return Tiles(file, _KINDS[kind], low, high, printable(credit[:_CREDIT_MAX]).strip())
 
 

@@ -41,7 +41,7 @@ _STREAM_HEAD = (
 
 @dataclass(slots=True, eq=False)
 class _Viewer:
-    """A connection: what it has asked, what it is to be told, and by when it takes some of it."""
+    """A connection: its request, the data that waits to be sent, and by when it takes some of it."""
 
     line: socket.socket
     until_s: float
@@ -50,7 +50,7 @@ class _Viewer:
     num_waiting: int = 0
     has_asked: bool = False
     is_stream: bool = False
-    told_s: float = 0.0
+    queued_s: float = 0.0
 
     def hear(self, data: bytes) -> bool:
         """Take what it says; whether it has asked by that, or said too much. What follows is not heard."""
@@ -65,14 +65,14 @@ class _Viewer:
         self.until_s = now_s + TIMEOUT_S
 
     def look_on(self) -> None:
-        """From now on it is told what is new."""
+        """From now on it receives new messages."""
         self.is_stream = True
 
     def tell(self, data: bytes, now_s: float) -> None:
-        """Add to what it is to be told."""
+        """Add to the data that waits to be sent."""
         self.waiting.append(memoryview(data))
         self.num_waiting += len(data)
-        self.told_s = now_s
+        self.queued_s = now_s
 
     def send(self) -> bool:
         """Send as much as goes without waiting; whether any went."""
@@ -261,7 +261,7 @@ class PageServer:
             is_done = viewer.is_stream and not viewer.waiting
             if now > viewer.until_s and not is_done:
                 self._stalled(viewer)
-            elif is_done and now - viewer.told_s > ALIVE_S:
+            elif is_done and now - viewer.queued_s > ALIVE_S:
                 self._tell(viewer, b":\n\n", now)
 
     def _stalled(self, viewer: _Viewer) -> None:

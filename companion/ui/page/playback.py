@@ -13,7 +13,7 @@ from companion.recording.mcap_reader import messages_of, text
 from companion.recording.mcap_writer import encoded
 from companion.recording.reader import stamp_of
 from companion.recording.recorder import MCAP
-from companion.ui.page.feed import UNTOLD, line_of
+from companion.ui.page.feed import UNPUBLISHED, line_of
 from companion.ui.page.world_document import WORLD, WorldDocument
 
 MISSION_MAX = 2_000_000  # A mission file has at most so many characters.
@@ -35,7 +35,7 @@ class Playback:
 
     def tell(self, topic: str, now_s: float, message: Mapping[str, object], data: bytes) -> None:
         """Add a message of a recorder."""
-        if topic in UNTOLD:
+        if topic in UNPUBLISHED:
             return
         if topic == channels.MISSION:
             self.begin(now_s, text(message.get("mission_file"), MISSION_MAX))

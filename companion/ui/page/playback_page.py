@@ -13,7 +13,7 @@ from companion.ui.page.playback import Playback
 
 
 def show_playbacks(
-    playbacks: Sequence[Playback], port: int, told: Callable[[str], None], ground: Ground | None = None
+    playbacks: Sequence[Playback], port: int, announce: Callable[[str], None], ground: Ground | None = None
 ) -> None:
     """Serve recordings to this computer's browsers until interrupted.
 
@@ -23,7 +23,7 @@ def show_playbacks(
         Recordings, in the order of the page's list.
     port : int
         TCP port; 0 for any that is free.
-    told : callable
+    announce : callable
         Called with the page's address.
     ground : Ground, optional
         The ground under the map.
@@ -38,7 +38,7 @@ def show_playbacks(
         server = PageServer(access, None, playbacks, ground=ground)
     except OSError as error:
         raise LinkError(f"page on {access.host}:{port}: {error.strerror}") from error
-    told(server.address)
+    announce(server.address)
     wait_for_interrupt()
     server.close()
 

@@ -21,7 +21,7 @@ from companion.world.threat_field import sight_floor, threat_field
 WORLD = "/world"
 HEIGHT_STEP_M = 10.0  # The field's height is rounded to this.
 FIELDS_KEPT = 64
-BELOW_M = 500.0  # Floors of radars are told down to this far below the bounds.
+BELOW_M = 500.0  # Floors of radars are sent down to this far below the bounds.
 FLOORS_MAX = 24  # Floors of so many radars are drawn, the mission file's first.
 _CELLS = 160  # along the longer side
 

@@ -143,14 +143,14 @@ def _draw_encounter(axes: Axes, entry: Encounter, colour: str, start_s: float) -
 def decision_chart(record: FlightRecord, start_s: float) -> Figure:
     """Return when which kind of decision was made."""
     figure, axes = _new_chart(WORDS_LEFT)
-    told = [printable(decision_words(entry.kind).head) for entry in record.decisions]
-    kinds = [kind for kind, _ in Counter(told).most_common(KINDS_MAX)]  # equally many: the first one first
-    rows = {kind: row for row, kind in enumerate(sorted(kinds, key=told.index))}
-    if len(set(told)) > len(rows):
+    heads = [printable(decision_words(entry.kind).head) for entry in record.decisions]
+    kinds = [kind for kind, _ in Counter(heads).most_common(KINDS_MAX)]  # equally many: the first one first
+    rows = {kind: row for row, kind in enumerate(sorted(kinds, key=heads.index))}
+    if len(set(heads)) > len(rows):
         rows[OTHERS] = len(rows)
     times = [entry.stamp_s - start_s for entry in record.decisions]
     axes.scatter(
-        times, [rows.get(kind, len(rows) - 1) for kind in told], s=34, color=style.FLOWN, zorder=3,
+        times, [rows.get(kind, len(rows) - 1) for kind in heads], s=34, color=style.FLOWN, zorder=3,
         label="decision",
     )  # fmt: skip
     if record.missions:

@@ -38,7 +38,7 @@ class Watch:
         Who flew.
     why : str
         The decision at its beginning.
-    told : tuple of str
+    texts : tuple of str
         The texts that the pilot got, without repetitions.
     """
 
@@ -46,7 +46,7 @@ class Watch:
     to_s: float
     who: str
     why: str
-    told: tuple[str, ...]
+    texts: tuple[str, ...]
 
 
 def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
@@ -63,12 +63,12 @@ def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
     found = []
     for number, entry in enumerate(changes):
         to_s = changes[number + 1].stamp_s if number + 1 < len(changes) else max(ends_s, entry.stamp_s)
-        told = dict.fromkeys(
+        texts = dict.fromkeys(
             f"{other.kind}: {other.text}"
             for other in decisions
             if entry.stamp_s <= other.stamp_s < to_s and other.kind in WORTH_TELLING
         )
-        found.append(Watch(entry.stamp_s, to_s, who_of(entry.text), entry.text, tuple(told)))
+        found.append(Watch(entry.stamp_s, to_s, who_of(entry.text), entry.text, tuple(texts)))
     return found
 
 
@@ -93,7 +93,7 @@ def who_flew_table(decisions: Sequence[Decision], ends_s: float, start_s: float)
         f'<tr><td class="number">{style.clock_text(watch.from_s - start_s)}</td>'
         f'<td class="number">{style.clock_text(watch.to_s - start_s)}</td>'
         f'<td class="text">{in_page(watch.who)}</td><td class="text">{in_page(watch.why)}</td>'
-        f'<td class="text why">{"<br>".join(map(in_page, watch.told)) or "–"}</td></tr>'
+        f'<td class="text why">{"<br>".join(map(in_page, watch.texts)) or "–"}</td></tr>'
         for watch in watches(decisions, ends_s)
     )
     if not rows:

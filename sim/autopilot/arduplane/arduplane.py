@@ -89,9 +89,9 @@ class ArduPlane(MissionPilot):
         self.runner = MissionRunner(self.store, self)
         self._transfer = self._fresh_transfer()
         self._mode = "LOITER"
-        self._has_told_guided = False
+        self._has_reported_guided = False
         self._shows_item_zero = False
-        self._told_total = 0
+        self._reported_total = 0
         self._pending_reached: int | None = None
         transfers = [
             *("MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_ITEM", "MISSION_ITEM_INT"),
@@ -205,8 +205,8 @@ class ArduPlane(MissionPilot):
             self.flight.goes_beyond = is_landing or not self.store.mission
             if not self.flight.is_standing:
                 self.runner.update()
-        elif self._mode == "GUIDED" and not self._has_told_guided and self._is_on_circle():
-            self._has_told_guided = True
+        elif self._mode == "GUIDED" and not self._has_reported_guided and self._is_on_circle():
+            self._has_reported_guided = True
             self.reached(0)
         self.flight.slope_min_m = self.parameters["GLIDE_SLOPE_MIN"]
         speed = self._speed_m_s
@@ -241,7 +241,7 @@ class ArduPlane(MissionPilot):
         """Begin in flight, with the mission stored and the mode entered."""
         for item in items:
             self.store.put(MissionKind.MISSION, item)
-        self._told_total = len(items)
+        self._reported_total = len(items)
         self.parameters["MIS_TOTAL"] = len(items)
         self._mode = "FBWA"
         self.set_mode(mode)
@@ -261,7 +261,7 @@ class ArduPlane(MissionPilot):
                 flight.steering = replace(circle, begins=(*here, height))
         elif name in ("LOITER", "GUIDED"):
             self._steer_circle(here, self.parameters["WP_LOITER_RAD"], height)
-            self._has_told_guided = True
+            self._has_reported_guided = True
         else:
             flight.steering = Level(_CIRCLE_BANK if name == "CIRCLE" else 0.0, height)
             self.telemetry.target = None
@@ -344,8 +344,8 @@ class ArduPlane(MissionPilot):
             self.parameters["RALLY_TOTAL"] = rally
             self.broadcast(self.parameters.message("RALLY_TOTAL", indexed=False))
         total = len(self.store.mission)
-        if total != self._told_total:
-            self._told_total = total
+        if total != self._reported_total:
+            self._reported_total = total
             self.parameters["MIS_TOTAL"] = total
             self.broadcast(self.parameters.message("MIS_TOTAL", indexed=False))
 
@@ -370,7 +370,7 @@ class ArduPlane(MissionPilot):
 
     def _go_to(self, target: Target, radius_m: float) -> None:
         self._steer_circle(target[:2], radius_m or self.parameters["WP_LOITER_RAD"], target[2])
-        self._has_told_guided = False
+        self._has_reported_guided = False
 
     def _set_current(self, sequence: int, *, reset_jumps: bool = False) -> bool:
         previous, self._previous = self._previous, None  # Fly straight from here, not along the old leg.

@@ -288,7 +288,7 @@ class Px4(MissionPilot):
         self._reached = None
 
     def go_to(self, sequence: int) -> bool:
-        """Make an item current; told with the next MISSION_CURRENT only."""
+        """Make an item current; reported with the next MISSION_CURRENT only."""
         if not 0 <= sequence < len(self.mission_items):
             return False
         self.runner.jump(sequence)

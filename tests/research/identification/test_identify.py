@@ -87,7 +87,7 @@ def test_the_simulators_sensors_are_found_in_its_flights(name):
     assert found.known["altitude_std_m"] == pytest.approx(height, rel=0.3)
     assert found.known["course_std_deg"] == pytest.approx(course, rel=0.1)
     # White noise of fixes is 0.15 m; what the velocities' noise adds up to between two fixes is seen with it.
-    innovations = flown.told.innovations[:, :2] / math.sqrt(2.0)
+    innovations = flown.reported_errors.innovations[:, :2] / math.sqrt(2.0)
     assert true.position_m * 0.9 < innovations.std() < 2.0 * true.position_m
 
 

@@ -31,8 +31,8 @@ def test_stretches_follow_each_other():
     found = watches(decisions, 20.0)
     assert [(watch.from_s, watch.to_s) for watch in found] == [(1.0, 5.0), (5.0, 9.0), (9.0, 20.0)]
     assert [watch.who for watch in found][1:] == ["the service", "the pilot"]
-    assert found[0].told == ("takeover: after item 1",)
-    assert found[2].told == ("handback: AUTO hands back", "handback: safe, to item 3")
+    assert found[0].texts == ("takeover: after item 1",)
+    assert found[2].texts == ("handback: AUTO hands back", "handback: safe, to item 3")
     page = who_flew_table(decisions, 20.0, 0.0)
     assert page.count("<tr>") == 4
     assert "&lt;FBWA&gt;" in page

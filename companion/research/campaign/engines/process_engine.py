@@ -133,8 +133,8 @@ class ProcessEngine:
     def _talking(self) -> list[_Worker]:
         """Wait until processes have messages, and return those processes."""
         busy = [worker for worker in self._workers if worker.run is not None or not worker.is_ready]
-        told = wait([worker.connection for worker in busy])
-        return [worker for worker in busy if worker.connection in told]
+        ready = wait([worker.connection for worker in busy])
+        return [worker for worker in busy if worker.connection in ready]
 
     def _heard(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
         """The message of a process: that it has warmed up, or the outcome of a run."""

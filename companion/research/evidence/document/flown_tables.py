@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from companion.research.evidence.document.reasons import Reasons
-from companion.research.evidence.document.sources import told_of
+from companion.research.evidence.document.sources import provenance_of
 from companion.research.evidence.evidence_tables import (
     NONE,
     RATES,
@@ -29,7 +29,7 @@ _MEASURES = {measure.name: measure for group in GROUPS["flights"] for measure in
 def flown_parts(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
     """The page's parts about a campaign of flights."""
     yield f"## Whole flights: {evidence.name}"
-    yield told_of(evidence)
+    yield provenance_of(evidence)
     if "flights" in reasons.notes and evidence.name == "flights":
         yield reasons.notes["flights"].strip()
     for case in evidence.cases:

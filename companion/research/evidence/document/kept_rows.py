@@ -77,8 +77,8 @@ def kept_evidence(file: Path) -> Evidence:
 
 def _rows(lines: Iterable[Mapping[str, str]], header: Mapping[str, list[str]]) -> Iterator[Row]:
     for line in lines:
-        told_of = ((name, value) for name, value in line.items() if name not in _NAMED and value)
-        measures: dict[str, Scalar | None] = {name: _read(value) for name, value in told_of}
+        entries = ((name, value) for name, value in line.items() if name not in _NAMED and value)
+        measures: dict[str, Scalar | None] = {name: _read(value) for name, value in entries}
         yield Row(
             number=int(line["number"]),
             mission=line["mission"],

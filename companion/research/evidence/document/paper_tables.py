@@ -106,17 +106,17 @@ def _ordering_row(key: Key, found: Sequence[Judged | None], reasons: Reasons) ->
     values = f"{number_text(ordering.printed_less)} < {number_text(ordering.printed_more)}"
     against = (entry for entry in found if entry and entry.verdict is Verdict.NOT_REPRODUCED)
     why = dict.fromkeys(reasons.of(entry) for entry in against)
-    told = ", ".join("not found" if number is None else str(number) for number in why)
+    described = ", ".join("not found" if number is None else str(number) for number in why)
     names = (mission, ordering.measure, ordering.less, ordering.more, values)
-    return tuple(Cell(text, text) for text in (*names, *map(verdict_text, found), told))
+    return tuple(Cell(text, text) for text in (*names, *map(verdict_text, found), described))
 
 
 def verdict_text(entry: Judged | None) -> str:
     """A verdict, its difference, and if it is open the number of runs that would decide it."""
     if entry is None or entry.difference is None:
         return NONE
-    told = f"{entry.verdict.value} {interval_text(entry.difference)}"
-    return f"{told}; {entry.remark}" if entry.remark else told
+    described = f"{entry.verdict.value} {interval_text(entry.difference)}"
+    return f"{described}; {entry.remark}" if entry.remark else described
 
 
 def counts_table(every: Sequence[Judged]) -> ResultTable:

@@ -10,7 +10,7 @@ from companion.research.evidence.document.flown_tables import flown_parts
 from companion.research.evidence.document.kept_rows import ENDING, kept_evidence
 from companion.research.evidence.document.paper_tables import counts_table, ordering_tables, value_tables
 from companion.research.evidence.document.reasons import Reasons, load_reasons
-from companion.research.evidence.document.sources import told_of
+from companion.research.evidence.document.sources import provenance_of
 from companion.research.evidence.evidence_tables import ResultTable, markdown, measures_table, rates_table
 from companion.research.evidence.orderings import TABLES
 from companion.research.evidence.results import HOW, OF_WHICH, ORDERINGS
@@ -61,7 +61,7 @@ def _of_plans(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
     """Parts with the paper's tables, verdicts, and reasons."""
     verdicts = list(judged(evidence))
     yield "## The paper's Tables 1 to 5"
-    yield f"{told_of(evidence)} {HOW}"
+    yield f"{provenance_of(evidence)} {HOW}"
     if "plans" in reasons.notes:
         yield reasons.notes["plans"].strip()
     yield ORDERINGS
@@ -78,7 +78,7 @@ def _of_plans(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
 def _of_others(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
     """Tables that compare ours with planners of other libraries."""
     yield "## Beside OMPL"
-    yield f"{told_of(evidence)} {OF_WHICH['anytime']}"
+    yield f"{provenance_of(evidence)} {OF_WHICH['anytime']}"
     if "anytime" in reasons.notes:
         yield reasons.notes["anytime"].strip()
     for case in evidence.cases:

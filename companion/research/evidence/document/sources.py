@@ -8,7 +8,7 @@ _HASH = 40  # A commit's name has so many characters.
 _SHORT = 12
 
 
-def told_of(evidence: Evidence) -> str:
+def provenance_of(evidence: Evidence) -> str:
     """How many rows there are, and which program and computer made them."""
     runs = f"{evidence.num_rows:,} of {evidence.num_wanted:,} runs of `campaigns/{evidence.name}.yaml`"
     commits = ", ".join(f"`{commit[:_SHORT]}{commit[_HASH:]}`" for commit in evidence.commits)
