@@ -5,7 +5,7 @@
     CompanionError
     ├── ConfigError        a mission file or option is wrong          exit 2
     ├── LinkError          no link, or the link failed                exit 3
-    │   ├── NoAutopilotError   nothing that is an autopilot is heard
+    │   ├── NoAutopilotError   no heartbeat of an autopilot arrives
     │   └── TransferError      a mission transfer failed; the autopilot may hold a mix
     ├── RecordError        a recording cannot be read or written      exit 2
     └── PluginError        another package's code fails               exit 2

@@ -54,7 +54,7 @@ class _Clients:
 
 
 class _Datagrams(asyncio.DatagramProtocol):
-    """UDP: one channel per address heard, or one to a fixed address."""
+    """UDP: one channel per address received from, or one to a fixed address."""
 
     def __init__(self, clients: _Clients, remote: Address | None) -> None:
         self._clients = clients

@@ -55,7 +55,7 @@ class Strategies:
     sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
     estimator: Estimator = Estimator.EX_RRT
     plays_game: bool = True  # places that a DT could threaten by then are barred (ours)
-    minds_dts: bool = True  # else nothing is heard of them
+    minds_dts: bool = True  # else nothing is received of them
     may_fly_fast: bool = True  # airspeeds above cruise are tried, too (ours)
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR

@@ -139,22 +139,22 @@ def load_recording(log: Path) -> Recording:
     gap_s = OWN_GAP_MAX_S if about else GAP_MAX_S
     times = _corrected_times(entries, epoch_s, start_us, gap_s, counters)
     ours = (vehicle, COMPONENT_ID)
-    heard = [
+    recorded = [
         RecordedFrame(at, frame, (frame.system_id, frame.component_id) == ours)
         for at, frame in zip(times, frames, strict=True)
     ]
-    heard.sort(key=lambda entry: entry.at_us)
-    is_cut_off = bool(about and counters["mcap_ends_early"] and heard)
+    recorded.sort(key=lambda entry: entry.at_us)
+    is_cut_off = bool(about and counters["mcap_ends_early"] and recorded)
     return Recording(
         name=log.name,
-        frames=tuple(heard),
+        frames=tuple(recorded),
         vehicle=vehicle,
         epoch_s=epoch_s,
         about=about,
-        decisions=tuple(record.decisions) if about else sent_decisions(heard),
+        decisions=tuple(record.decisions) if about else sent_decisions(recorded),
         taken=record.taken,
         counters=counters,
-        until_s=min(heard[-1].at_us * 1e-6, record.newest_s) if is_cut_off else math.inf,
+        until_s=min(recorded[-1].at_us * 1e-6, record.newest_s) if is_cut_off else math.inf,
         start_us=start_us,
         reloads=tuple(record.reloads),
     )
@@ -295,16 +295,16 @@ def sent_decisions(frames: Sequence[RecordedFrame]) -> tuple[Decision, ...]:
     """Return the decisions that the service sent to the pilot as STATUSTEXT, with chunks joined."""
     found: list[Decision] = []
     joined = ""
-    for heard in frames:
-        if not heard.is_ours or heard.frame.message_id != MessageId.STATUSTEXT:
+    for recorded in frames:
+        if not recorded.is_ours or recorded.frame.message_id != MessageId.STATUSTEXT:
             continue
-        payload = heard.frame.payload.ljust(54, b"\0")  # MAVLink 2 omits trailing zeros.
+        payload = recorded.frame.payload.ljust(54, b"\0")  # MAVLink 2 omits trailing zeros.
         chunk = payload[1:51].rstrip(b"\0").decode("ascii", "replace")
         is_chunked, number = payload[51:53] != bytes(2), payload[53]
         joined = joined + chunk if is_chunked and number else chunk
         is_whole = not is_chunked or len(chunk) < STATUSTEXT_CHARACTERS
         if is_whole and (kind := kind_of(joined)) is not None:
-            found.append(Decision(heard.at_us * 1e-6, kind, joined, told=joined))
+            found.append(Decision(recorded.at_us * 1e-6, kind, joined, told=joined))
     return tuple(found)
 
 

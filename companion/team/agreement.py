@@ -78,7 +78,7 @@ class Agreement:
     settings : TeamSettings
         Distances, times and bytes that all members share.
     started_s : float
-        UTC time of the beginning: a member that is never heard is lost ``lost_after_s`` later [s].
+        UTC time of the beginning: a member of which nothing is received is lost ``lost_after_s`` later [s].
     first_number : int
         Number of the first plan. After a restart it has to be newer than any number used before.
     margin : callable, optional
@@ -112,7 +112,7 @@ class Agreement:
         self._margin = margin or self._least_margin
         self._commits_itself = commits_itself
         self._peers = {other: Peer() for other in self._members if other != member}
-        self._heard_s = dict.fromkeys(self._peers, started_s)
+        self._received_s = dict.fromkeys(self._peers, started_s)
         self._off_since_s: dict[int, float] = {}
         self._parts = PlanParts()
         self._next = first_number
@@ -156,9 +156,9 @@ class Agreement:
         )
 
     def members_lost(self, now_s: float) -> frozenset[int]:
-        """Return the members that were not heard for so long that their approval is not waited for."""
-        heard_after_s = now_s - self._settings.lost_after_s
-        return frozenset(other for other, heard_s in self._heard_s.items() if heard_s <= heard_after_s)
+        """Return the members that were silent for so long that their approval is not waited for."""
+        since_s = now_s - self._settings.lost_after_s
+        return frozenset(other for other, at_s in self._received_s.items() if at_s <= since_s)
 
     def members_deviating(self, now_s: float) -> frozenset[int]:
         """Return members that deviate from their announced plans: they are treated as any other aircraft."""
@@ -271,7 +271,7 @@ class Agreement:
         self._end_proposal(Outcome.WITHDRAWN)
 
     def forget(self, member: int) -> None:
-        """Keep clear of a lost member's plans no longer, until its committed plan is heard again."""
+        """Keep clear of a lost member's plans no longer, until its committed plan is received again."""
         peer = self._peers[member]
         if peer.committed is not None or peer.proposed is not None:
             self._peers[member] = Peer(peer.standing)
@@ -320,7 +320,7 @@ class Agreement:
         except PayloadError as error:
             self.counters[f"refused_{error}"] += 1
             return
-        self._heard_s[sender] = now_s
+        self._received_s[sender] = now_s
         if message.standing is not peer.standing:  # The same standing is the same object nearly always.
             self._take_standing(sender, message.standing, now_s)
         if isinstance(message, Fragment):
@@ -450,8 +450,8 @@ class Agreement:
         if now_s >= own.commit_before_s:
             self._end_proposal(Outcome.WITHDRAWN)
             return
-        heard_after_s, has = now_s - self._settings.lost_after_s, own.approvals - self._missing
-        if all(other in has or heard_s <= heard_after_s for other, heard_s in self._heard_s.items()):
+        since_s, has = now_s - self._settings.lost_after_s, own.approvals - self._missing
+        if all(other in has or at_s <= since_s for other, at_s in self._received_s.items()):
             self._outcome = Outcome.APPROVED
             if self._commits_itself:
                 self.commit()

@@ -15,7 +15,7 @@ class Peer:
     Parameters
     ----------
     standing : Standing or None
-        The latest that it said of itself; None if it was never heard.
+        The latest that it sent of itself; None if nothing was received.
     committed : SharedPlan or None
         The latest of its committed plans that arrived.
     proposed : SharedPlan or None

@@ -16,7 +16,7 @@ class TeamSettings:
     apart_up_m : float
         Vertical distance that suffices where the horizontal one is not kept [m].
     lost_after_s : float
-        A member that is not heard for so long counts as lost [s].
+        A member of which nothing is received for so long counts as lost [s].
     deviating_after_s : float
         A member that is off its plan for so long counts as deviating [s].
     reply_s : float

@@ -191,16 +191,16 @@ class OwnshipEstimator:
         the airspeed as the length of ground velocity minus wind, the bank from the turn over ground, and the
         wind from airspeed, yaw and ground velocity.
         """
-        heard = _fresh(self._position, now_s, self._settings.position_max_age_s)
-        if heard is None or self.doubt(now_s):
+        newest = _fresh(self._position, now_s, self._settings.position_max_age_s)
+        if newest is None or self.doubt(now_s):
             return None
-        ahead = max(now_s - heard.stamp_s, 0.0)
-        east, north, up = heard.velocity_enu_m_s
+        ahead = max(now_s - newest.stamp_s, 0.0)
+        east, north, up = newest.velocity_enu_m_s
         wind, wind_std_m_s = self._wind_now(now_s)
         ground_speed = math.hypot(east, north)
         place = self._place_enu_m
         return Ownship(
-            stamp_s=heard.stamp_s + ahead,
+            stamp_s=newest.stamp_s + ahead,
             position_enu_m=(place[0] + ahead * east, place[1] + ahead * north, place[2] + ahead * up),
             course_rad=self._course(east, north),
             flight_path_angle_rad=math.atan2(up, ground_speed) if ground_speed > 0.0 else 0.0,
@@ -305,9 +305,9 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     )
 
 
-def _fresh(heard: Observed | None, now_s: float, max_age_s: float) -> Observed | None:
+def _fresh(newest: Observed | None, now_s: float, max_age_s: float) -> Observed | None:
     """Return the message if it is not too old [s], else None."""
-    return heard if heard is not None and now_s - heard.stamp_s <= max_age_s else None
+    return newest if newest is not None and now_s - newest.stamp_s <= max_age_s else None
 
 
 def _is_finite(event: Event) -> bool:

@@ -1,4 +1,4 @@
-"""A radio that all hear, with range, loss and delay."""
+"""A broadcast radio with range, loss and delay."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from companion.frames import FloatArray
 from .scenes import Scene
 
-Heard = tuple[list[int], int, bytes]  # receivers, sender, payload
+Reception = tuple[list[int], int, bytes]  # receivers, sender, payload
 
 
 class TeamRadio:
@@ -28,7 +28,7 @@ class TeamRadio:
     def __init__(self, scene: Scene, step_s: float, rng: np.random.Generator) -> None:
         self.sent_bytes = np.zeros(scene.num_aircraft)
         self._scene, self._step_s, self._rng = scene, step_s, rng
-        self._arriving: dict[int, list[Heard]] = defaultdict(list)
+        self._arriving: dict[int, list[Reception]] = defaultdict(list)
 
     def send(self, sender: int, payload: bytes, step: int, places_m: FloatArray) -> None:
         """Broadcast a payload.
@@ -57,6 +57,6 @@ class TeamRadio:
         for due, together in receivers.items():
             self._arriving[due].append((together, sender, payload))
 
-    def arrived(self, step: int) -> list[Heard]:
+    def arrived(self, step: int) -> list[Reception]:
         """Return what arrives in a time step."""
         return self._arriving.pop(step, [])

@@ -1,4 +1,4 @@
-"""An aircraft that flies a given track, and what is heard of it by ADS-B."""
+"""An aircraft that flies a given track, and its ADS-B reports."""
 
 from __future__ import annotations
 

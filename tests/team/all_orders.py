@@ -67,7 +67,7 @@ def copied(one):
     own = {
         "counters": Counter(),
         "_peers": dict(one._peers),
-        "_heard_s": dict(one._heard_s),
+        "_received_s": dict(one._received_s),
         "_parts": PlanParts(),
     }
     vars(other).update(vars(one) | own)
@@ -85,7 +85,7 @@ def known_by(one):
         for peer in one._peers.values()
     )
     own = one._proposal and (one._proposal.plan.number, one._proposal.approvals)
-    return number_of(one.committed), own, one._standing, one._missing, peers, tuple(one._heard_s.values())
+    return number_of(one.committed), own, one._standing, one._missing, peers, tuple(one._received_s.values())
 
 
 @cache

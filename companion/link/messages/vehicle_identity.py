@@ -78,7 +78,7 @@ class VehicleIdentity:
         self.system_id = named
         self.peer: Address | None = None
         self.others: list[int] = []
-        self._peer_heard_s = -math.inf
+        self._peer_received_s = -math.inf
         self._candidates: dict[tuple[int, Address | None], _Candidate] = {}
         self._reported: _ReportedState | None = None
         self._distrusted_until_s = -math.inf
@@ -101,11 +101,11 @@ class VehicleIdentity:
         if address is None:
             return True
         if address != self.peer:
-            if not is_verified or stamp_s - self._peer_heard_s <= PEER_TIMEOUT_S:
+            if not is_verified or stamp_s - self._peer_received_s <= PEER_TIMEOUT_S:
                 return False
             self.peer = address
         if is_verified:
-            self._peer_heard_s = stamp_s
+            self._peer_received_s = stamp_s
         return True
 
     def note_frame(self, system_id: int, stamp_s: float, address: Address | None) -> None:
@@ -131,7 +131,7 @@ class VehicleIdentity:
     def _settle(self, system_id: int, candidate: _Candidate, stamp_s: float, address: Address | None) -> None:
         if not candidate.is_settled(stamp_s):
             return
-        self.system_id, self.peer, self._peer_heard_s = system_id, address, stamp_s
+        self.system_id, self.peer, self._peer_received_s = system_id, address, stamp_s
         self.others = sorted({system for system, _ in self._candidates} - {system_id})
         self._candidates.clear()
 

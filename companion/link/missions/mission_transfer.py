@@ -115,7 +115,7 @@ class Upload:
         self._may_finish = may_finish
         self._requested: int | None = None
         self._is_open = False
-        self._heard_s = self._due_s = now_s
+        self._received_s = self._due_s = now_s
         self._sent_s: dict[int, float] = {}
         self._first_sent_s: dict[int, float] = {}
         self._repeated: set[int] = set()
@@ -127,7 +127,7 @@ class Upload:
 
     def due(self, now_s: float) -> list[int]:
         """Return the numbers of the items to send now, with :data:`OPENING` for the opening message."""
-        if self.failure is None and now_s - self._heard_s > TRANSFER_TIMEOUT_S:
+        if self.failure is None and now_s - self._received_s > TRANSFER_TIMEOUT_S:
             self.failure = "TIMEOUT"
         if self.failure is not None:
             return []
@@ -164,7 +164,7 @@ class Upload:
             if before not in self._repeated:
                 self._round_trip.note_answer(now_s - self._sent_s[before])
         self._requested = question.sequence
-        self._heard_s, self._due_s = now_s, now_s + self._round_trip.repeat_s
+        self._received_s, self._due_s = now_s, now_s + self._round_trip.repeat_s
         self._queue.append(question.sequence)
 
     def note_ack(self, ack: MissionAck, now_s: float) -> None:
@@ -172,11 +172,11 @@ class Upload:
         if self.failure is not None or ack.mission_type != MissionType.MISSION:
             return
         if ack.result == MissionResult.INVALID_SEQUENCE and self._requested is not None:
-            self._heard_s = now_s
+            self._received_s = now_s
         elif ack.result == MissionResult.DENIED and OPENING in self._repeated:
             # The opening was accepted and its request lost: ArduPlane denies a second opening, and requests
             # the first item again after 1 s.
-            self._is_open, self._heard_s = True, now_s
+            self._is_open, self._received_s = True, now_s
         elif ack.result != MissionResult.ACCEPTED:
             self.failure = name_of(MissionResult, ack.result)
         elif self._last in self._sent_s:  # Otherwise it acknowledges an earlier transfer.
@@ -221,7 +221,7 @@ class MissionDownload:
         self._round_trip = round_trip
         self._window = window
         self._num_left_out = num_left_out
-        self._heard_s = now_s
+        self._received_s = now_s
         self._count: int | None = None
         self._due_s = now_s
         self._items: dict[int, MissionItem] = {}
@@ -241,7 +241,7 @@ class MissionDownload:
 
     def due(self, now_s: float) -> list[int]:
         """Return the numbers of the items to request now, with :data:`OPENING` for the list's length."""
-        if self.failure is None and now_s - self._heard_s > TRANSFER_TIMEOUT_S:
+        if self.failure is None and now_s - self._received_s > TRANSFER_TIMEOUT_S:
             self.failure = "TIMEOUT"
         if self.failure is not None:
             return []
@@ -274,7 +274,7 @@ class MissionDownload:
         """Take the length of the autopilot's list."""
         if self.failure is not None or count.mission_type != self.mission_type or self._count is not None:
             return
-        self._count, self._heard_s = max(count.count - self._num_left_out, 0), now_s
+        self._count, self._received_s = max(count.count - self._num_left_out, 0), now_s
         if self._count == 0:
             self.failure = ""
 
@@ -287,7 +287,7 @@ class MissionDownload:
             self._round_trip.note_first_answer(now_s - self._first_asked_s[number])
             if number not in self._repeated:
                 self._round_trip.note_answer(now_s - self._asked_s[number])
-        self._items[number], self._heard_s = reply.item, now_s
+        self._items[number], self._received_s = reply.item, now_s
         if len(self._items) == self._count:
             self.failure = ""
 
@@ -298,4 +298,4 @@ class MissionDownload:
             and ack.mission_type == self.mission_type
             and ack.result != MissionResult.ACCEPTED
         ):
-            self.failure, self._heard_s = name_of(MissionResult, ack.result), now_s
+            self.failure, self._received_s = name_of(MissionResult, ack.result), now_s

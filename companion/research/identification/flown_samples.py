@@ -111,7 +111,7 @@ def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
         raise RecordError(f"{source}: neither a tlog nor a folder with {TLOG} in it")
     recording = load_recording(log)
     mission = _mission_of(recording, log, mission_file)
-    reports = _Heard(mission.frame)
+    reports = _Reports(mission.frame)
     reports.listen(recording)
     plans = _plans_flown(log.with_suffix(".mcap"))
     found = [_deviations(reports, path, begin_s, end_s) for path, begin_s, end_s in plans]
@@ -134,7 +134,7 @@ def _mission_of(recording: Recording, log: Path, mission_file: Path | None) -> M
 
 
 @dataclass
-class _Heard:
+class _Reports:
     """What the autopilot has reported, by the clock readings of its arrival."""
 
     frame: LocalFrame
@@ -148,12 +148,12 @@ class _Heard:
     def listen(self, recording: Recording) -> None:
         """Read all messages of a recording."""
         codec, vehicle = Codec(), (recording.vehicle, ComponentId.AUTOPILOT1)
-        for heard in recording.frames:
-            if heard.is_ours:
+        for recorded in recording.frames:
+            if recorded.is_ours:
                 continue
-            if (heard.frame.system_id, heard.frame.component_id) == vehicle:
-                self._note_fix(heard.frame)
-            for frame in codec.feed(heard.frame.raw, heard.at_us * 1e-6):
+            if (recorded.frame.system_id, recorded.frame.component_id) == vehicle:
+                self._note_fix(recorded.frame)
+            for frame in codec.feed(recorded.frame.raw, recorded.at_us * 1e-6):
                 for event in frame.events:
                     self._note(event)
                     self.energy.note(event)
@@ -301,12 +301,12 @@ def _path_of(row: Document) -> FlownPath | None:
     )  # fmt: skip
 
 
-def _deviations(heard: _Heard, path: FlownPath, begin_s: float, end_s: float) -> tuple[Deviations, int]:
+def _deviations(reports: _Reports, path: FlownPath, begin_s: float, end_s: float) -> tuple[Deviations, int]:
     """Deviations from a path between two clock readings [s], and the number of positions left out."""
     times: list[float] = []
     values: list[list[float]] = []
     row, left_out = 0, 0
-    for position in heard.positions:
+    for position in reports.positions:
         if not begin_s <= position[0] < end_s:
             continue
         place = (position[2], position[3], position[4])

@@ -53,7 +53,7 @@ async def run_checks(
         except LinkError as error:
             advice = "end what listens there, the service perhaps, or name another"
             findings.append(fail("link", str(error), advice))
-        is_silent = not doctor.is_heard
+        is_silent = not doctor.is_received
     if is_silent:
         return findings, LinkError.exit_code
     return findings, EXIT_FAILED * _has_failed(findings)

@@ -62,7 +62,7 @@ class LinkDoctor:
         mission: MissionConfig | None = None,
         signer: Signer | None = None,
     ) -> None:
-        self.is_heard = False
+        self.is_received = False
         self._transport = transport
         self._clock = clock
         self._url = url
@@ -97,7 +97,7 @@ class LinkDoctor:
             await self._until(lambda: self._heartbeat is not None, FIRST_HEARTBEAT_S)
             if self._heartbeat is None:
                 return [self._silence()]
-            self.is_heard = True
+            self.is_received = True
             dialect = self._heartbeat.dialect
             needed = parameter_names(dialect)
             names = needed + failsafe_names(FAILSAFES[dialect])  # An autopilot need not have each failsafe.

@@ -77,13 +77,13 @@ class Metrics(Observer):
         recorder, link, world_model = app.recorder, app.link, app.world_model
         quality = link.quality
         state, tracks = world_model.ownship.state(now_s), world_model.tracks(now_s)
-        heard, missing = app.receives_autopilot, len(link.streams.missing)
+        is_received, missing = app.receives_autopilot, len(link.streams.missing)
         frames: Values = {("received",): quality.received, ("lost",): quality.lost}
         modes: Values = {(mode.name.lower(),): mode is app.mode for mode in Mode}
         self._figures = [
             _gauge("companion_info", "Version", {(__version__,): 1}, "version"),
             _gauge("companion_mode", "What the service may do", modes, "mode"),
-            _gauge("companion_autopilot_heard", "Whether a heartbeat came lately", {(): heard}),
+            _gauge("companion_autopilot_heard", "Whether a heartbeat came lately", {(): is_received}),
             _gauge("companion_link_open", "Whether the link is open", {(): link.transport.is_open}),
             _gauge("companion_link_loss_ratio", "Share of the autopilot's frames lost", {(): quality.loss}),
             _gauge("companion_streams_missing", "Vital streams that do not come", {(): missing}),

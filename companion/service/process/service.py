@@ -114,9 +114,11 @@ class Service:
         """Return the present state of the service."""
         app, decisions = self.app, self.app.recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
-        heard = app.link.hears_autopilot
-        autopilot = app.autopilot_mode or ("its next heartbeat confirms it" if heard else "no autopilot")
-        return Report(app.is_warm, heard, f"{app.mode.value} ({autopilot})", last)
+        has_autopilot = app.link.hears_autopilot
+        autopilot = app.autopilot_mode or (
+            "its next heartbeat confirms it" if has_autopilot else "no autopilot"
+        )
+        return Report(app.is_warm, has_autopilot, f"{app.mode.value} ({autopilot})", last)
 
     async def run(self) -> None:
         """Run until a stop signal, then end in order.

@@ -101,13 +101,13 @@ class Arrivals:
             self._index += 1
             yield self._frames[self._index - 1]
 
-    def keeps(self, heard: RecordedFrame, num_said: int) -> bool:
+    def keeps(self, recorded: RecordedFrame, num_said: int) -> bool:
         """Return whether a frame does not arrive now: our own, and answers that wait for their requests."""
-        if heard.is_ours:
-            self._num_reports += is_reported(heard.frame)
+        if recorded.is_ours:
+            self._num_reports += is_reported(recorded.frame)
             return True
-        if self._late_us and self._num_reports > num_said and self.is_answer(heard.frame):
-            self._waiting.append((self._num_reports, heard.frame))
+        if self._late_us and self._num_reports > num_said and self.is_answer(recorded.frame):
+            self._waiting.append((self._num_reports, recorded.frame))
             return True
         return False
 

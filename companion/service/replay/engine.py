@@ -97,7 +97,7 @@ class Replay:
         self._ours, self._theirs = MemoryTransport.pair()
         self._flown, self._now = MissionSniffer(), MissionSniffer()
         self._expected = deque(
-            heard for heard in recording.frames if heard.is_ours and is_reported(heard.frame)
+            recorded for recorded in recording.frames if recorded.is_ours and is_reported(recorded.frame)
         )
         self._late_us = 0 if recording.is_simulated else round(1e6 * _LATE_MAX_S)
         self._arrivals = Arrivals(recording, self._late_us)
@@ -160,10 +160,10 @@ class Replay:
             num_said = num_expected - len(self._expected)
             arrived = arrivals.waited_for(num_said, has_diverged=self._has_diverged)
             arrived = [raw for raw in arrived if not self._is_withheld(raw)]
-            for heard in arrivals.due():
-                self._track_autopilot(heard)
-                if not arrivals.keeps(heard, num_said) and not self._is_withheld(heard.frame):
-                    arrived.append(heard.frame)
+            for recorded in arrivals.due():
+                self._track_autopilot(recorded)
+                if not arrivals.keeps(recorded, num_said) and not self._is_withheld(recorded.frame):
+                    arrived.append(recorded.frame)
             until = arrivals.move_on()
             yield b"".join(frame.raw for frame in arrived), until
 
@@ -179,11 +179,11 @@ class Replay:
             else:
                 self._app.reload(mission, text)
 
-    def _track_autopilot(self, heard: RecordedFrame) -> None:
+    def _track_autopilot(self, recorded: RecordedFrame) -> None:
         """Track the list of the recorded autopilot."""
         if self._link is not None:
             self._flown.set_dialect(self._link.dialect)
-        self._flown.feed(heard.frame, self._recording.vehicle, heard.at_us * 1e-6)
+        self._flown.feed(recorded.frame, self._recording.vehicle, recorded.at_us * 1e-6)
 
     def _is_withheld(self, frame: RawFrame) -> bool:
         """Return whether a recorded answer is no longer valid."""
@@ -256,13 +256,13 @@ class Replay:
 def flown_uploads(recording: Recording) -> tuple[Upload, ...]:
     """Return the missions that the service uploaded in a recorded flight."""
     sniffer = MissionSniffer()
-    for heard in recording.frames:
-        sniffer.feed(heard.frame, recording.vehicle, heard.at_us * 1e-6)
+    for recorded in recording.frames:
+        sniffer.feed(recorded.frame, recording.vehicle, recorded.at_us * 1e-6)
     return tuple(entry for entry in sniffer.uploads if entry.client == (recording.vehicle, COMPONENT_ID))
 
 
-def _content(heard: RecordedFrame) -> tuple[int, bytes]:
-    return heard.frame.message_id, heard.frame.payload
+def _content(recorded: RecordedFrame) -> tuple[int, bytes]:
+    return recorded.frame.message_id, recorded.frame.payload
 
 
 def _expectation(wanted: RecordedFrame | None, now_us: int, late_us: int) -> str:

@@ -23,11 +23,11 @@ def record_of_frames(mission: MissionConfig, recording: Recording) -> FlightReco
     """Return the record that the estimators make of a tlog's frames."""
     codec, world_model, recorder = Codec(), WorldModel(rules_of(mission), 1), Recorder()
     due_s = 0.0
-    for heard in recording.frames:
-        now = heard.at_us * 1e-6
-        if heard.is_ours:
+    for recorded in recording.frames:
+        now = recorded.at_us * 1e-6
+        if recorded.is_ours:
             continue
-        for frame in codec.feed(heard.frame.raw, now):
+        for frame in codec.feed(recorded.frame.raw, now):
             for event in frame.events:
                 world_model.observe(event, now)
         state = world_model.ownship.state(now)

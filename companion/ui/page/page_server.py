@@ -53,7 +53,7 @@ class _Viewer:
     queued_s: float = 0.0
 
     def hear(self, data: bytes) -> bool:
-        """Take what it says; whether it has asked by that, or said too much. What follows is not heard."""
+        """Take received data; whether the request is complete or too long. What follows is ignored."""
         if self.has_asked:
             return False
         self.asked += data

@@ -40,7 +40,7 @@ class _Upload:
     component_id: int
     next: int
     end: int
-    heard_us: int
+    received_us: int
     ask_us: int
 
     def is_from(self, channel: Channel, message: Message) -> bool:
@@ -102,7 +102,7 @@ class MissionTransfer:
         """Request the next items, and end transfers that went silent."""
         self._now_us = now_us
         for kind, upload in list(self._uploads.items()):
-            if now_us - upload.heard_us >= _TIMEOUT_US:
+            if now_us - upload.received_us >= _TIMEOUT_US:
                 del self._uploads[kind]
                 self._announce(mavlink.MAV_SEVERITY_WARNING, "Mission upload timeout")
                 self._acknowledge(upload.channel, upload, kind, Verdict.OPERATION_CANCELLED)
@@ -205,7 +205,7 @@ class MissionTransfer:
         if message.seq != upload.next:
             self._reply(channel, message, int(kind), Verdict.INVALID_SEQUENCE)
             return
-        upload.heard_us = self._now_us
+        upload.received_us = self._now_us
         verdict = self._store.put(kind, item_from_message(message))
         if verdict is not Verdict.ACCEPTED:
             del self._uploads[kind]

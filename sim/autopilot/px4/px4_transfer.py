@@ -74,7 +74,7 @@ class _Link:
     count: int = 0
     items: list[MissionItem] = field(default_factory=list)
     current: int | None = None
-    heard_us: int = 0
+    received_us: int = 0
     ask_us: int = 0
 
 
@@ -126,7 +126,7 @@ class Px4Transfer:
         for channel, link in self._links.items():
             if link.state is _State.IDLE:
                 continue
-            if now_us - link.heard_us >= _TIMEOUT_US:
+            if now_us - link.received_us >= _TIMEOUT_US:
                 link.state = _State.IDLE
                 self._announce(mavlink.MAV_SEVERITY_CRITICAL, "Operation timeout")
             elif link.state is _State.RECEIVING and now_us >= link.ask_us:
@@ -156,12 +156,12 @@ class Px4Transfer:
         self._owner.forget_reached()
         is_partner = link.partner == _sender(message)
         if link.state is _State.RECEIVING and is_partner and not link.items:
-            link.heard_us = self._now_us  # A repetition; a changed count is ignored.
+            link.received_us = self._now_us  # A repetition; a changed count is ignored.
             self._ask(channel, link)
             return
         if link.state is not _State.IDLE or self.is_receiving:
             if link.state is _State.RECEIVING and is_partner:
-                link.heard_us = self._now_us
+                link.received_us = self._now_us
             self._busy(channel, message)
             return
         kind = self._kind(channel, message)
@@ -175,7 +175,7 @@ class Px4Transfer:
         else:
             link.state, link.partner, link.kind = _State.RECEIVING, _sender(message), kind
             link.count, link.items, link.current = message.count, [], None
-            link.heard_us = self._now_us
+            link.received_us = self._now_us
             self._ask(channel, link)
 
     def _kind(self, channel: Channel, message: Message) -> MissionKind | None:
@@ -191,7 +191,7 @@ class Px4Transfer:
             return
         if message.seq != len(link.items) or message.mission_type != link.kind:
             return
-        link.heard_us = self._now_us
+        link.received_us = self._now_us
         item = item_from_message(message)
         verdict = verdict_on(link.kind, item)
         if verdict is not Verdict.ACCEPTED:
@@ -229,7 +229,7 @@ class Px4Transfer:
             return
         kept = self._owner.stored_list(kind)
         link.state = _State.SENDING if kept.items else _State.IDLE
-        link.partner, link.kind, link.heard_us = _sender(message), kind, self._now_us
+        link.partner, link.kind, link.received_us = _sender(message), kind, self._now_us
         count = mavlink.MAVLink_mission_count_message(*_sender(message), len(kept.items), kind)
         channel.send(Extended(count, kept.identity.to_bytes(4, "little")))
 
@@ -240,7 +240,7 @@ class Px4Transfer:
         if message.seq >= len(kept.items) or message.mission_type != link.kind:
             self._reply(channel, message, link.kind, Verdict.ERROR)
             return
-        link.heard_us = self._now_us
+        link.received_us = self._now_us
         is_present = link.kind is MissionKind.MISSION and message.seq == self._owner.current_item
         item = read_back(kept.items[message.seq], is_current=is_present)
         is_integer = message.get_type() == "MISSION_REQUEST_INT"

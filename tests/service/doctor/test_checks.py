@@ -282,7 +282,7 @@ def test_silence_has_its_reasons(url, wire, words):
     assert finding.verdict is FAIL
     assert words in finding.found
     assert finding.advice
-    assert not round_.doctor.is_heard
+    assert not round_.doctor.is_received
 
 
 @pytest.mark.parametrize("dialect", list(Dialect))

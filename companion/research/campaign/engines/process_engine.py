@@ -92,7 +92,7 @@ class ProcessEngine:
                 self._started()
             while waiting or any(worker.run is not None for worker in self._workers):
                 for worker in self._talking():
-                    over = self._heard(worker, waiting)
+                    over = self._received(worker, waiting)
                     if over is not None:
                         yield over
         finally:
@@ -136,7 +136,7 @@ class ProcessEngine:
         ready = wait([worker.connection for worker in busy])
         return [worker for worker in busy if worker.connection in ready]
 
-    def _heard(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
+    def _received(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
         """The message of a process: that it has warmed up, or the outcome of a run."""
         if worker.is_ready:
             return self._taken(worker, waiting)
