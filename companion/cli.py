@@ -288,7 +288,7 @@ def replay(
         screen.print(plain_text.printable(remark), markup=False, highlight=False, soft_wrap=True)
     result = replaying.replayed(recording, config, seed, screen)
     if expected is not None:
-        recording, result = expected, replaying.beside(expected, result)
+        recording, result = expected, replaying.compared_with(expected, result)
     if json_file is not None:
         write_json(json_file, replaying.document_of(recording, result))
     differs = replaying.first_difference(recording, result)

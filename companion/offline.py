@@ -179,8 +179,8 @@ def fly(
     """
     require_goals(mission, mission.name)
     flown = _simulator()
-    with ThreadPoolExecutor(1) as beside:  # The event loop of a notebook's thread is already running.
-        return beside.submit(flown, mission, seed, autopilot).result()
+    with ThreadPoolExecutor(1) as executor:  # The event loop of a notebook's thread is already running.
+        return executor.submit(flown, mission, seed, autopilot).result()
 
 
 def _bytes_of(picture: Callable[..., Path]) -> bytes:

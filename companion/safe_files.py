@@ -148,11 +148,11 @@ def read_file(path: Path, size_max: int, *, follow: bool = False) -> bytes:
     return data
 
 
-def set_aside(path: Path) -> Path | None:
+def rename_damaged(path: Path) -> Path | None:
     """Rename a damaged file, so that it is kept but not read again; returns the new name if that succeeds."""
-    aside = path.with_name(path.name + DAMAGED)
+    renamed = path.with_name(path.name + DAMAGED)
     try:
-        path.replace(aside)
+        path.replace(renamed)
     except OSError:
         return None
-    return aside
+    return renamed

@@ -16,7 +16,7 @@ from companion.link.wire.signing import Timestamps
 from companion.link.wire.tlog import TlogWriter
 from companion.recording.mcap_writer import FlightLog
 from companion.recording.recorder import About, Recorder
-from companion.safe_files import make_folder, open_to_write, read_file, replace_file, set_aside
+from companion.safe_files import make_folder, open_to_write, read_file, rename_damaged, replace_file
 from companion.service.process import service
 from companion.ui.reports.plots import plot_mission
 from tests.sim.client import CONFIGS
@@ -182,6 +182,6 @@ def test_a_damaged_file_is_set_aside(tmp_path):
     file = tmp_path / "state"
     file.write_text("bad")
     (tmp_path / "state.damaged").write_text("worse, of before")
-    assert set_aside(file) == tmp_path / "state.damaged"
+    assert rename_damaged(file) == tmp_path / "state.damaged"
     assert [entry.read_text() for entry in tmp_path.iterdir()] == ["bad"]
-    assert set_aside(file) is None
+    assert rename_damaged(file) is None

@@ -77,7 +77,7 @@ def mission_from_document(document: Document) -> MissionConfig:
         config = MissionConfig.model_validate(document.data)
     except ValidationError as error:
         raise explained(document, error.errors(include_url=False)) from None
-    config = _beside(config, document.file)
+    config = _with_absolute_paths(config, document.file)
     for path, expected in findings(config):
         raise document.error(path, expected)
     return config
@@ -96,7 +96,7 @@ def faults_of(document: Document) -> tuple[MissionConfig | None, list[ConfigErro
     """
     try:
         local = local_document(document)
-        config = _beside(MissionConfig.model_validate(local.data), document.file)
+        config = _with_absolute_paths(MissionConfig.model_validate(local.data), document.file)
     except ConfigError as error:
         return None, [error]
     except ValidationError as error:
@@ -106,8 +106,8 @@ def faults_of(document: Document) -> tuple[MissionConfig | None, list[ConfigErro
     return None if found else config, found
 
 
-def _beside(config: MissionConfig, file: str) -> MissionConfig:
-    """Return a mission whose files lie beside the mission file."""
+def _with_absolute_paths(config: MissionConfig, file: str) -> MissionConfig:
+    """Return a mission whose relative file names are resolved against the mission file's folder."""
     terrain = config.terrain
     if terrain is None or terrain.file is None:
         return config

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from companion.config import MissionConfig, PlanningConfig
 from companion.config.checks import findings
 from companion.config.parameter_metadata import Parameter, documents
-from companion.safe_files import read_file, replace_file, set_aside
+from companion.safe_files import read_file, rename_damaged, replace_file
 
 Sender = tuple[int, int]  # System id and component id.
 
@@ -175,8 +175,8 @@ class Parameters:
         except FileNotFoundError:
             return {}
         except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-            aside = set_aside(self._file)
-            found = "" if aside is None else f", now {aside}"
+            renamed = rename_damaged(self._file)
+            found = "" if renamed is None else f", now {renamed}"
             _log.warning("parameters are the mission file's: %s%s: %s", self._file, found, error)
             return {}
 

@@ -16,7 +16,7 @@ from companion.kernels.native.struct import Struct
 MAX_THREATS = 32  # So many threats can act on one point.
 MAX_NEAR = 16  # A query of the reachability estimator returns at most so many nodes.
 MAX_K = 64  # A query of the search returns at most so many nodes.
-PATH_PICKS = 4  # RRT* joins each new node with so many waypoints of the path besides its k nearest.
+PATH_PICKS = 4  # RRT* joins each new node with so many waypoints of the path in addition to its k nearest.
 MAX_STRAIGHT = 64  # A greedy connection to the sub goal has at most so many steps.
 MAX_ROWS = 128  # One Dubins edge has at most so many rows.
 MAX_PATH = 4096  # A path has at most so many nodes.

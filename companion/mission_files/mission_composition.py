@@ -1,7 +1,7 @@
 """Composes a mission file of places that were found in other files.
 
-What a mission file needs beside places comes from a class of aircraft, or from another mission file. Nothing
-is guessed of start and goals: without them the error says what to add.
+What a mission file needs in addition to places comes from a class of aircraft, or from another mission
+file. Nothing is guessed of start and goals: without them the error says what to add.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _TOP_KEYS = ("top_m", "top_amsl_m", "height_m")
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What a user says beside the files.
+    """What a user states in addition to the files.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ class PlanTiming:
     rule : StopRule
         When the search ends.
     is_threaded : bool
-        Whether it runs in a thread, beside everything else; else in the event loop.
+        Whether it runs in a thread, parallel to everything else; else in the event loop.
     until_s : float or None
         The clock's reading at which the plan counts as made [s]; None for as soon as it is.
     was_broken_off : bool or None

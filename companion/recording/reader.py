@@ -127,10 +127,10 @@ def load_recording(log: Path) -> Recording:
     entries = _intact(list(itertools.islice(read_tlog(log, counters), FRAMES_MAX)), counters)
     if len(entries) == FRAMES_MAX:
         counters["tlog_too_large"] += 1
-    beside = log.with_suffix(".mcap")
+    mcap = log.with_suffix(".mcap")
     record = _ServiceRecord()
-    if beside != log and beside.exists():
-        record.read(beside, counters)
+    if mcap != log and mcap.exists():
+        record.read(mcap, counters)
     about = record.about
     frames = [raw_frame(entry.raw) for entry in entries]
     vehicle = _vehicle_of(frames)

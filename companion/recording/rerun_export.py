@@ -158,7 +158,7 @@ class _Drawing:
         )
         # Map tiles are loaded from the internet, so the map's tab is not active at first.
         earth = [blueprint.MapView(origin=GEO, name="Map")] if self._is_located else []
-        beside = blueprint.Vertical(
+        panel = blueprint.Vertical(
             *views, blueprint.Tabs(log, *earth, active_tab=0), row_shares=[*(2 for _ in views), 3]
         )
         space = blueprint.Spatial3DView(
@@ -167,7 +167,7 @@ class _Drawing:
         )  # fmt: skip
         self._stream.send_blueprint(
             blueprint.Blueprint(
-                blueprint.Horizontal(space, beside, column_shares=[64, 36]),
+                blueprint.Horizontal(space, panel, column_shares=[64, 36]),
                 blueprint.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
                 blueprint.BlueprintPanel(state="collapsed"), blueprint.SelectionPanel(state="collapsed"),
             )

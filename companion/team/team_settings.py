@@ -12,7 +12,7 @@ class TeamSettings:
     Parameters
     ----------
     apart_m : float
-        Horizontal distance between two members, beside what their tolerances take [m].
+        Horizontal distance between two members, in addition to their tolerances [m].
     apart_up_m : float
         Vertical distance that suffices where the horizontal one is not kept [m].
     lost_after_s : float

@@ -105,7 +105,7 @@ class Report:
     awaited : frozenset of int
         Members whose approval of its proposal it does not have.
     concerned : frozenset of int
-        Members to whom the report says something beside the standing.
+        Members to whom the report says something in addition to the standing.
     """
 
     standing: Standing

@@ -20,7 +20,7 @@ from companion.frames import FloatArray
 RATES_RAD_S = np.radians([-6.0, -4.5, -3.0, -1.5, 0.0, 1.5, 3.0, 4.5, 6.0])  # 3°/s is a standard rate turn.
 KEPT_S = 20.0  # A model is left after such a time, in the mean.
 VELOCITY_STD_M_S = 1.5  # Of each reported component.
-ACCELERATION_STD_M_S2 = 1.0  # Of each component, besides the turn.
+ACCELERATION_STD_M_S2 = 1.0  # Of each component, in addition to the turn.
 GAP_MAX_S = 15.0  # After a longer silence it begins anew,
 FAR = 13.8  # and after a velocity that no model expects: the 99.9 % quantile of chi-square, two degrees.
 

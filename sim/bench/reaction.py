@@ -33,7 +33,7 @@ from ..simulator import Simulator
 
 CHANGES = ("pop_up", "turn", "fence")
 AHEAD_M, FENCE_RADIUS_M = 600.0, 150.0
-KNOWN_AHEAD_M, KNOWN_ASIDE_M, KNOWN_SPEED_M_S = 900.0, 700.0, 15.0
+KNOWN_AHEAD_M, KNOWN_LATERAL_M, KNOWN_SPEED_M_S = 900.0, 700.0, 15.0
 PERIOD_S = 0.5  # Time between two sightings.
 SETTLED_S = 12.0  # The surprise comes so long after the first mission is flown.
 PATIENCE_S = 20.0  # A later answer does not count.
@@ -120,25 +120,25 @@ class _Reaction:
         _, east, north, *_ = self.simulator.truth.path[-1]
         return (east, north), float(self.simulator.truth.path[-1][4])
 
-    def _beside(self, ahead_m: float, aside_m: float) -> Place:
+    def _relative(self, ahead_m: float, lateral_m: float) -> Place:
         (east, north), course = self._here()
         along, across = (math.sin(course), math.cos(course)), (math.cos(course), -math.sin(course))
         return (
-            east + ahead_m * along[0] + aside_m * across[0],
-            north + ahead_m * along[1] + aside_m * across[1],
+            east + ahead_m * along[0] + lateral_m * across[0],
+            north + ahead_m * along[1] + lateral_m * across[1],
         )
 
     def _change(self) -> None:
         if self.change == "fence":
-            self._fence(self._beside(AHEAD_M, 0.0))
+            self._fence(self._relative(AHEAD_M, 0.0))
         elif self.change == "pop_up":
-            self._vehicle = self._beside(AHEAD_M, 0.0)
+            self._vehicle = self._relative(AHEAD_M, 0.0)
         self._due_s = -math.inf  # The vehicle is reported at once.
 
     def _report(self, now_s: float) -> None:
         """A surveillance source reports the vehicle, if there is one."""
         if self.change == "turn" and self._vehicle is None and self.begun_s < math.inf:
-            self._vehicle = self._beside(KNOWN_AHEAD_M + 25.0 * self.wait_s, -KNOWN_ASIDE_M)
+            self._vehicle = self._relative(KNOWN_AHEAD_M + 25.0 * self.wait_s, -KNOWN_LATERAL_M)
         if self._vehicle is None or now_s < self._due_s:
             return
         driven_s = now_s - self._sighted_s if math.isfinite(self._sighted_s) else 0.0
@@ -164,7 +164,7 @@ class _Reaction:
         _, course = self._here()
         if self.changed_s == math.inf:
             return KNOWN_SPEED_M_S * math.sin(course), KNOWN_SPEED_M_S * math.cos(course)
-        ahead = self._beside(AHEAD_M, 0.0)
+        ahead = self._relative(AHEAD_M, 0.0)
         toward = ahead[0] - self._vehicle[0], ahead[1] - self._vehicle[1]
         share = 25.0 / max(math.hypot(*toward), 1.0)
         return share * toward[0], share * toward[1]

@@ -10,7 +10,7 @@ from companion.frames import FloatArray, LocalFrame
 from companion.team.team_settings import TeamSettings
 
 FRAME = LocalFrame(47.4, 8.5, 450.0)
-SPACING_M = 40.0  # Between the edges of two circles, beside what has to be kept.
+SPACING_M = 40.0  # Between the edges of two circles, in addition to the separation.
 DRAWS_MAX = 100_000
 WAY_MIN = 1.0 / 3.0  # Shortest way to a goal, as a share of the side of the square.
 SETTINGS = TeamSettings(apart_m=60.0, apart_up_m=25.0)

@@ -228,10 +228,10 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     start, goal = mission.start, mission.goals[-1]
     team = mission.team or TeamConfig(members=tuple(range(1, num + 1)))
     circle_m = 1.3 * float(mission.vehicle.turn_radius_min_m)
-    free_m, beside_m = circle_m + team.tolerance_m, team.apart_m + 2.0 * team.tolerance_m
+    free_m, separation_m = circle_m + team.tolerance_m, team.apart_m + 2.0 * team.tolerance_m
     ends = [np.array([place.east_m, place.north_m]) for place in (start, goal)]
-    goals_free = Free(free_m, 2.0 * circle_m + beside_m)
-    starts_free = Free(free_m, 2.0 * float(mission.vehicle.turn_radius_min_m) + beside_m)
+    goals_free = Free(free_m, 2.0 * circle_m + separation_m)
+    starts_free = Free(free_m, 2.0 * float(mission.vehicle.turn_radius_min_m) + separation_m)
     if mission.shares_goals:
         return _missions_of_shared_goals(mission, team, num, starts_free)
     num_of = [(num + 1) // 2, num // 2]

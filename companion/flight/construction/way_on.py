@@ -34,7 +34,7 @@ from companion.world.vehicle.guidance import Track, track_of_circle, track_of_le
 
 BY_MISSION = 2.0  # RTL_TYPE.
 DESCENT_S = 60.0  # The aircraft may circle down to the landing for so long.
-ENTRY_ASIDE_RAD = math.radians(25.0)  # The course at the landing's circle may differ by this much.
+ENTRY_OFFSET_RAD = math.radians(25.0)  # The course at the landing's circle may differ by this much.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 LEFT_OUT_MAX = 2  # So many of the last waypoints are left out at most.
 LENGTH_MAX = 80  # A way on has at most so many items.
@@ -188,8 +188,8 @@ def _onto_circle(
     Near its centre small differences decide by which side the aircraft joins it.
     """
     at_end = flown.aircraft_at(len(flown) - 1, begun)
-    for aside in (0.0, -ENTRY_ASIDE_RAD, ENTRY_ASIDE_RAD):
-        turned = replace(at_end, course_rad=(at_end.course_rad + aside) % (2.0 * math.pi))
+    for offset in (0.0, -ENTRY_OFFSET_RAD, ENTRY_OFFSET_RAD):
+        turned = replace(at_end, course_rad=(at_end.course_rad + offset) % (2.0 * math.pi))
         yield track_of_circle(
             guidance_of(state), turned, np.asarray(circle[0]), circle[1], ends_s=DESCENT_S, step_s=STEP_S
         ).positions_enu_m

@@ -2,7 +2,7 @@
 
 The track is simulated with the autopilot's guidance (:mod:`companion.world.vehicle.guidance`), from the
 aircraft's present bank and in the present wind, until the aircraft is established on the path. Variations are
-simulated as well: a moment later, with another bank, beside the estimated position, and in another wind.
+simulated as well: a moment later, with another bank, offset from the estimated position, and in another wind.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from companion.types.events import ClockReported, TeamMessage
 from companion.types.threat import TrackState
 
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
-PLANNED_BESIDE_M = 25.0  # Announced plans have tolerances of up to 10 m more, and plans keep clear of those.
+PLANNED_SLACK_M = 25.0  # Announced plans have tolerances of up to 10 m more, and plans keep clear of those.
 
 
 @dataclass(slots=True)
@@ -305,7 +305,7 @@ class TeamExchange:
         for member, track in sighted.items():
             agreement.observe(member, track.position_enu_m, track.stamp_s + ahead_s)
             self._sightings[member] = track
-        reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_BESIDE_M
+        reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_SLACK_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
         plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
         as_announced = {plan.member for plan in plans}

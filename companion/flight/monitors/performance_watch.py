@@ -1,4 +1,4 @@
-"""Notice when the aircraft does not do what its plan says: no thrust, too low or high, beside, or slow.
+"""Notice when the aircraft does not do what its plan says: no thrust, off its height, off its track, or slow.
 
 The ground below it is compared with the map, and the pilot is informed of traffic, too.
 
@@ -27,7 +27,7 @@ from companion.types.events import Event
 from companion.types.state import Ownship
 from companion.types.threat import TrackState
 
-OFF_TRACK_M = 60.0  # An aircraft this far beside its path does not follow it.
+OFF_TRACK_M = 60.0  # An aircraft with this lateral deviation does not follow its path.
 SLOW_SHARE = 0.7  # An aircraft slower than this share of the path's speed over ground is slow.
 LASTS_S = 3.0  # A deviation counts after this time.
 THRUST_AGAIN_S = 5.0  # Thrust is back once energy was gained for this time.

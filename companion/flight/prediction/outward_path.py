@@ -1,7 +1,7 @@
 """The path on which an aircraft flies outward, as a place that its return path keeps away from.
 
-An ArduPlane joins the closest leg of a return path. Where the way back lies beside the way out, that may be a
-leg of the way back, and the aircraft turns round at once, whether or not there is room.
+An ArduPlane joins the closest leg of a return path. Where the return runs close to the outward
+path, that may be a leg of the way back, and the aircraft turns round at once, with or without the space.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ def outward_path(path: Path, until_s: float) -> tuple[Obstacle, ...]:
     found = []
     for begin, end in itertools.pairwise(places):
         along = (end - begin)[:2]
-        aside = np.array([-along[1], along[0]]) * AWAY_M / np.linalg.norm(along)
-        corners = np.array([begin[:2] - aside, end[:2] - aside, end[:2] + aside, begin[:2] + aside])
+        lateral = np.array([-along[1], along[0]]) * AWAY_M / np.linalg.norm(along)
+        corners = np.array([begin[:2] - lateral, end[:2] - lateral, end[:2] + lateral, begin[:2] + lateral])
         low, high = sorted((float(begin[2]), float(end[2])))
         found.append(Obstacle("flown path", corners, low - AWAY_M, high + AWAY_M))
     return tuple(found)

@@ -325,8 +325,8 @@ def _headings(ownship: Ownship, end: Place) -> list[Ownship]:
     bearing = math.atan2(end[0] - east, end[1] - north)
     if abs(wrapped_angle(bearing - ownship.course_rad)) < BEHIND_RAD:
         return [ownship]
-    asides = (0.0, -TURN_SIDE_RAD, TURN_SIDE_RAD)
-    return [replace(ownship, course_rad=(ownship.course_rad + aside) % (2.0 * math.pi)) for aside in asides]
+    turns = (0.0, -TURN_SIDE_RAD, TURN_SIDE_RAD)
+    return [replace(ownship, course_rad=(ownship.course_rad + turn) % (2.0 * math.pi)) for turn in turns]
 
 
 def _with_glide(positions: FloatArray, end: Place) -> FloatArray:

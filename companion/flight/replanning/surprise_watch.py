@@ -20,7 +20,7 @@ LEVEL_RISE_MIN = 0.15  # A smaller increase of the threat level is within the va
 # A path that a moving threat can reach for up to the first time is safe, for more than the second it is not.
 SAFE_S, THREATENED_S = 0.5, 2.0
 LOOK_INTERVAL_S = 0.3  # Shortest time between two judgements: each takes some milliseconds.
-ASIDE_RADII = 1.5  # A vehicle that was to pass at this many threat radii, and now within one, has turned.
+LATERAL_RADII = 1.5  # A vehicle predicted to pass at this many threat radii, and now within one, has turned.
 
 
 class SurpriseWatch:
@@ -133,13 +133,13 @@ class SurpriseWatch:
         return ""
 
     def _turned(self, rest: Path, state: FlightState) -> str:
-        """Return a vehicle that turned towards the flown path from well aside of it; '' without one."""
+        """Return a vehicle that turned towards the flown path from a large lateral offset; '' without one."""
         ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
         for track in state.picture.tracks:
             known = self._known_tracks.get(track.identity, ())
             if not known or passing_reaches(rest, track, ahead_s) >= 1.0:
                 continue
-            if any(passing_reaches(rest, then, ahead_s) > ASIDE_RADII for then in known):
+            if any(passing_reaches(rest, then, ahead_s) > LATERAL_RADII for then in known):
                 return track.identity
         return ""
 

@@ -21,7 +21,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.safe_files import read_file, replace_file, set_aside
+from companion.safe_files import read_file, rename_damaged, replace_file
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 
@@ -124,8 +124,8 @@ class Checkpoint:
             if is_sound:
                 kept[end] = data
             else:
-                aside = set_aside(file)
-                found = "cannot be read" if aside is None else f"was damaged and is now {aside}"
+                renamed = rename_damaged(file)
+                found = "cannot be read" if renamed is None else f"was damaged and is now {renamed}"
                 _log.error("%s %s: the flight begins without it", file, found)
         return kept
 

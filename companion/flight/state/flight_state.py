@@ -177,7 +177,7 @@ class FlightState:
     def goals_left(self) -> tuple[GoalRegion, ...]:
         """Goals that are not reached yet, with narrower radii than those at which they count as reached.
 
-        A path that just touches a goal's region is flown a few metres beside it, and the aircraft would turn
+        A path that just touches a goal's region is flown a few metres off, and the aircraft would turn
         back. The goals that the flight continues after are narrowed most.
         """
         left = self.goals[self.next_goal :]

@@ -418,7 +418,7 @@ class App:
             await self._clock.sleep_until(now + ENERGY_S)
 
     async def _keep_up_fences(self) -> None:
-        """Read the fences repeatedly, besides planning, from the first plan to the landing."""
+        """Read the fences repeatedly, in parallel to planning, from the first plan to the landing."""
         while True:
             is_wanted = self.replanning.num_plans and self.state.phase.is_armed
             if is_wanted and self.receives_autopilot and not self.replanning.freshness.is_blind:

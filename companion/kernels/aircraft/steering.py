@@ -78,13 +78,13 @@ def leg_acceleration(
         return _pull(to_end - course, speed, law)
     ue, un = de / length, dn / length
     ae, an = e - begin[0], n - begin[1]
-    progress, aside = ae * ue + an * un, ae * un - an * ue
+    progress, lateral = ae * ue + an * un, ae * un - an * ue
     gap = math.sqrt(ae * ae + an * an)
     if gap > l1 and progress < -SIN_45 * gap:
         return _pull(math.atan2(-ae, -an) - course, speed, law)
     if progress > length + 3.0 * speed:
         return _pull(to_end - course, speed, law)
-    intercept = math.asin(max(-SIN_45, min(SIN_45, aside / l1)))
+    intercept = math.asin(max(-SIN_45, min(SIN_45, lateral / l1)))
     return _pull(math.atan2(ue, un) - intercept - course, speed, law)
 
 

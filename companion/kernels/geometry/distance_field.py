@@ -99,9 +99,9 @@ def _sweep(field: Float2D, free: Float2D, cell: float, step: int) -> bool:
                         best = min(best, field[behind, j - 1] + cost * aslant)
                     if j < n - 1:
                         best = min(best, field[behind, j + 1] + cost * aslant)
-                beside = j - 1 if turn == 0 else j + 1
-                if 0 <= beside < n:
-                    best = min(best, field[i, beside] + cost * cell)
+                adjacent = j - 1 if turn == 0 else j + 1
+                if 0 <= adjacent < n:
+                    best = min(best, field[i, adjacent] + cost * cell)
                 if best < field[i, j] - 1e-9:
                     field[i, j] = best
                     changed = True
@@ -146,9 +146,9 @@ def draw_ahead(
     q_s[1] = min(box[3], max(box[2], guide.origin[1] + j * guide.cell + spread * math.sin(angle)))
     q_s[2] = sub_goal[2]
     if limits.dimension == 3:
-        aside = (2.0 * draws[7] - 1.0) * SPREAD * gone * math.tan(limits.climb_max)
+        offset = (2.0 * draws[7] - 1.0) * SPREAD * gone * math.tan(limits.climb_max)
         level = z + (sub_goal[2] - z) * gone / max(best, 1.0)
-        q_s[2] = min(box[5], max(box[4], level + aside))
+        q_s[2] = min(box[5], max(box[4], level + offset))
     return True
 
 

@@ -18,7 +18,7 @@ from companion.kernels.arrays import Float1D, Float2D, Ground
 from companion.kernels.native.kernel import inlined, kernel
 
 DEEP = -(2.0**40)  # Without any ground, it lies so deep that nothing depends on it [m]; a float32 too.
-BESIDE = 1e-9  # A segment that advances less than this along an axis crosses no border of that axis [m].
+PARALLEL_M = 1e-9  # A segment that advances less than this along an axis crosses no border of that axis [m].
 
 
 @inlined
@@ -98,7 +98,7 @@ def _out_of(
 @inlined
 def _leaves(p: float, d: float, origin: float, side: float, cell: int, last: int) -> float:
     """The fraction at which a segment from ``p``, ``d`` long, leaves a cell along one axis; 2 in the last."""
-    if cell == last or abs(d) < BESIDE:
+    if cell == last or abs(d) < PARALLEL_M:
         return 2.0
     border = origin + side * (cell + (1 if d > 0.0 else 0))
     return (border - p) / d

@@ -22,7 +22,7 @@ from companion.kernels.objective.cost_to_go import (
     SETTLED_S,
     CostField,
     Heap,
-    beside,
+    adjacent,
     height_of,
     is_inside,
     place_of,
@@ -164,7 +164,7 @@ def spread(
     value, time, m, p = wave.value, wave.time, wave.value.shape[1], wave.value.shape[2]
     i, j, k = place_of(value, node)
     for side in range(6 if p > 1 else 4):
-        a, b, c = beside(i, j, k, side)
+        a, b, c = adjacent(i, j, k, side)
         if not is_inside(value, a, b, c):
             continue
         rate = wave.rate[a, b, c] + danger

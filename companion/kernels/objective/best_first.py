@@ -228,15 +228,15 @@ def turning_share(state: Float1D, goal: Float1D, limits: Limits) -> float:
 
     ``state`` (6,); ``goal`` (4,) x y z and the radius [m]. V knows no turns: without this the tree tries all
     ways past the goal, and back, that V takes for cheap. The way leads to the nearest of three places: the
-    centre, and those beside it on the goal's rim. Where the height takes longer than the way, it has a loop.
+    centre, and two lateral ones on the rim. Where the height takes longer than the way, it has a loop.
     """
     x, y, up, rho = goal[0] - state[0], goal[1] - state[1], goal[2] - state[2], turn_radius(state[5], limits)
     flat = math.hypot(x, y)
     if flat <= goal[3] or flat > NEAR_RADII * rho:
         return 1.0
-    aside, least = goal[3] / flat, math.inf
+    offset, least = goal[3] / flat, math.inf
     for side in range(-1, 2):
-        gx, gy = goal[0] - side * aside * y, goal[1] + side * aside * x
+        gx, gy = goal[0] - side * offset * y, goal[1] + side * offset * x
         least = min(least, distance_to_point(state[0], state[1], state[3], gx, gy, rho))
     climbing = max(0.0, abs(up) - goal[3]) / math.tan(limits.climb_max if up > 0.0 else limits.descent_max)
     if climbing > least:

@@ -236,8 +236,8 @@ def place_of(value: Float3D, node: int) -> tuple[int, int, int]:
 
 
 @inlined
-def beside(i: int, j: int, k: int, side: int) -> tuple[int, int, int]:
-    """The node on one of six sides of a node, the first four of them in the plane."""
+def adjacent(i: int, j: int, k: int, side: int) -> tuple[int, int, int]:
+    """The adjacent node on one of six sides of a node, the first four of them in the plane."""
     step = 1 - 2 * (side % 2)
     if side < 2:
         return i + step, j, k
@@ -266,7 +266,7 @@ def offer(
     a, b, c = place_of(value, node)
     settled = value[a, b, c]
     for side in range(6 if p > 1 else 4):
-        i, j, k = beside(a, b, c, side)
+        i, j, k = adjacent(a, b, c, side)
         if not is_inside(value, i, j, k):
             continue
         if value[i, j, k] <= settled or rate[i, j, k] == math.inf or size >= heap.keys.shape[0] - 1:

@@ -140,11 +140,11 @@ def danger_if(
     if above > MARGIN_UP_M:
         return 0.0
     radius = pursuers.model[d, 1] + passing_spread(pursuers, d, time)
-    beside = math.hypot(there[0] - x, there[1] - y) - radius
-    if above <= 0.0 and beside <= 0.0:
+    outside = math.hypot(there[0] - x, there[1] - y) - radius
+    if above <= 0.0 and outside <= 0.0:
         centre = AT_KEPT_CENTRE if pursuers.model[d, 7] else AT_CENTRE
-        return 1.0 + (centre - 1.0) * min(-above / height, -beside / radius)
-    return max(0.0, 1.0 - max(above / MARGIN_UP_M, beside / MARGIN_M))
+        return 1.0 + (centre - 1.0) * min(-above / height, -outside / radius)
+    return max(0.0, 1.0 - max(above / MARGIN_UP_M, outside / MARGIN_M))
 
 
 @kernel

@@ -49,7 +49,7 @@ class SubGoalWeights(Struct):
 
 
 class SubGoalScratch(Struct):
-    """What the scores of sub goals need besides the scene.
+    """What the scores of sub goals need in addition to the scene.
 
     ``guide`` is the distance field of the horizon's centre and ``radius`` the horizon's [m]. ``threats`` are
     those at the moment. ``boxes`` (O + 1, 2) is used up.

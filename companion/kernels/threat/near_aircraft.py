@@ -17,7 +17,7 @@ from companion.kernels.printed.reachability import SPREADS_S
 from companion.kernels.printed.threat_tree import FLIES_ON
 
 MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
-BESIDE_M = 1.0  # Boxes are so much wider than has to be.
+SLACK_M = 1.0  # Boxes are this much wider than necessary.
 CELL_M = 250.0  # Width of a square.
 CELLS_MAX = 40  # There are at most so many squares each way; in larger worlds they are wider.
 BIN_S = 5.0  # Length of a bin.
@@ -57,10 +57,10 @@ def box_in_bin(
     for i in range(k + 1, end + 1):
         west, east = min(west, place[i, 0]), max(east, place[i, 0])
         south, north = min(south, place[i, 1]), max(north, place[i, 1])
-    beside = model[1] + 2.0 * math.hypot(model[2], model[4] * SPREADS_S) + MARGIN_M + BESIDE_M
+    reach = model[1] + 2.0 * math.hypot(model[2], model[4] * SPREADS_S) + MARGIN_M + SLACK_M
     if late == near.bins - 1 or begins + BIN_S >= model[8]:
-        beside += model[9]
-    return west - beside, east + beside, south - beside, north + beside
+        reach += model[9]
+    return west - reach, east + reach, south - reach, north + reach
 
 
 @kernel

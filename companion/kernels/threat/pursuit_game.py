@@ -256,8 +256,8 @@ def _bearings_to(game: Game, d: int, x: float, y: float, radius: float, late: fl
             if high < low:
                 about, low, high = bearing, -spread, spread
                 continue
-            aside = (bearing - about + math.pi) % (2.0 * math.pi) - math.pi
-            low, high = min(low, aside - spread), max(high, aside + spread)
+            offset = (bearing - about + math.pi) % (2.0 * math.pi) - math.pi
+            low, high = min(low, offset - spread), max(high, offset + spread)
     return about + low, high - low
 
 

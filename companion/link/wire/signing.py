@@ -31,7 +31,7 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from companion.link.wire.framing import MAGIC_V1, MAGIC_V2, SIGNATURE, RawFrame, checksum, frames_in
-from companion.safe_files import read_file, replace_file, set_aside
+from companion.safe_files import read_file, rename_damaged, replace_file
 from companion.types.mavlink_enums import MessageId
 
 SETUP_SIGNING = MessageId.SETUP_SIGNING
@@ -228,8 +228,8 @@ class Timestamps:
         except FileNotFoundError:
             return 0, {}
         except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
-            aside = set_aside(self._path)
-            found = "cannot be read" if aside is None else f"was damaged and is now {aside}"
+            renamed = rename_damaged(self._path)
+            found = "cannot be read" if renamed is None else f"was damaged and is now {renamed}"
             _log.error("%s %s: times of signatures begin at the clock", self._path, found)
             return 0, {}
 

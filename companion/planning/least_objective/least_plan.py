@@ -9,11 +9,11 @@ from companion.planning.explore import Exploration
 from companion.planning.least_objective.least_route import LeastRouteSearch
 from companion.planning.least_objective.plan_measures import (
     MIN_ROWS,
-    beside_flown,
     ends_at,
     plan_along,
     shortfall,
     trace_with_pursuers,
+    with_flown,
 )
 from companion.planning.least_objective.prices import objective_between
 from companion.planning.least_objective.short_cuts import keeps_limits, shortened_route
@@ -64,4 +64,4 @@ def plan_by_objective(
     if flown_route is None:
         return plan
     known, cost_s = assess_route(exploration, flown_route), objective_between(objective, flown_route)
-    return beside_flown(exploration, plan, flown_route, known, cost_s)
+    return with_flown(exploration, plan, flown_route, known, cost_s)

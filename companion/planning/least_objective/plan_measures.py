@@ -173,8 +173,8 @@ def plan_along(
     )
 
 
-def beside_flown(exploration: Exploration, plan: Plan, flown: Route, known: Assessment, cost: float) -> Plan:
-    """The plan with what is known of the path being flown.
+def with_flown(exploration: Exploration, plan: Plan, flown: Route, known: Assessment, cost: float) -> Plan:
+    """The plan with the cost and risk of the path being flown, for comparison.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class InstalledPlanner:
             return self.planner(problem, should_stop)
 
 
-def method_fault(name: str, besides: Sequence[str] = ()) -> str:
+def method_fault(name: str, others: Sequence[str] = ()) -> str:
     """Return what is expected instead of a method's name; empty if plans can be made by it.
 
     Names of ours are answered without a look at other packages. A planner of another package is loaded.
@@ -54,13 +54,13 @@ def method_fault(name: str, besides: Sequence[str] = ()) -> str:
     ----------
     name : str
         Name of a method.
-    besides : sequence of str
+    others : sequence of str
         Names that are valid here and are no planner of ours.
     """
-    if name in METHODS or name in besides:
+    if name in METHODS or name in others:
         return ""
     if name in BUILT_IN or not named(GROUP, name):
-        return "one of " + ", ".join([*sorted(METHODS), *besides, *installed_names()])
+        return "one of " + ", ".join([*sorted(METHODS), *others, *installed_names()])
     try:
         installed_planner(name)
     except PlannerError as error:

@@ -13,11 +13,11 @@ from companion.kernels.search.path_edit import retime
 from companion.planning.explore import Exploration
 from companion.planning.least_objective.plan_measures import (
     MIN_ROWS,
-    beside_flown,
     ends_at,
     plan_along,
     shortfall,
     trace_with_pursuers,
+    with_flown,
 )
 from companion.planning.least_objective.prices import objective_between, objective_of
 from companion.planning.plugins.installed_planners import InstalledPlanner, installed_planner
@@ -89,7 +89,7 @@ def plan_by_plugin(
         return plan
     flown_route = route_from_path(exploration, flown)
     known = assess_route(exploration, flown_route)
-    return beside_flown(exploration, plan, flown_route, known, objective_between(objective, flown_route))
+    return with_flown(exploration, plan, flown_route, known, objective_between(objective, flown_route))
 
 
 def _checked_states(installed: InstalledPlanner, problem: Problem, found: object) -> FloatArray | None:

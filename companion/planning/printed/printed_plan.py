@@ -12,11 +12,11 @@ from companion.planning.comparators import Optimiser
 from companion.planning.explore import Exploration
 from companion.planning.least_objective.plan_measures import (
     MIN_ROWS,
-    beside_flown,
     ends_at,
     plan_along,
     shortfall,
     trace_with_pursuers,
+    with_flown,
 )
 from companion.planning.least_objective.prices import objective_of
 from companion.planning.printed.optimise import is_no_worse, rrt_star_route, smoothed_route
@@ -79,7 +79,7 @@ def plan_by_sub_tasks(
     plan = replace(plan, trace=trace)
     if flown_route is None:
         return plan
-    return beside_flown(exploration, plan, flown_route, flown_known, cost_between(exploration, flown_route))
+    return with_flown(exploration, plan, flown_route, flown_known, cost_between(exploration, flown_route))
 
 
 def _finished(

@@ -93,7 +93,7 @@ def choose_sub_goal(
 ) -> SubGoal:
     """The cheapest point of the horizon about the path's end, or the goal where it lies inside.
 
-    Removed besides what :func:`score` removes: points from which the distance to go is longer than from
+    Removed after those that :func:`score` removes: points from which the distance to go is longer than from
     the path's end by more than ``DETOUR_SHARE`` of the horizon. They lead into dead ends, which the
     straight line of (6) does not see.
 

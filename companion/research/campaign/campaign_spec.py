@@ -209,9 +209,9 @@ def _faults(config: CampaignConfig) -> Iterator[tuple[KeyPath, str]]:
             if entry in entries[:place]:
                 # A number of seeds has no entries, and names none twice.
                 yield (key, place), "each one once"
-    besides = {"flights": FLOWN_METHODS, "anytime": ANYTIME_METHODS}
+    others = {"flights": FLOWN_METHODS, "anytime": ANYTIME_METHODS}
     for place, method in enumerate(config.methods):
-        if expected := method_fault(method, besides.get(config.kind, ())):
+        if expected := method_fault(method, others.get(config.kind, ())):
             yield ("methods", place), expected
     if config.budget_s is not None and config.kind != "plans":
         yield (

@@ -215,7 +215,7 @@ def results_table(name: str, dimension: int, plans: Sequence[Plan]) -> Table:
         values = [value for plan in reached if (value := row.of_plan(plan)) is not None]
         if values:
             figures = (f"{value:.4g}" for value in (np.median(values), min(values), max(values)))
-            table.add_row(row.name, *figures, *_beside(row, paper))
+            table.add_row(row.name, *figures, *_printed_cell(row, paper))
     table.caption = _first_refusal(plans)
     return table
 
@@ -225,7 +225,7 @@ def _first_refusal(plans: Sequence[Plan]) -> str | None:
     return next((plan.notes[-1] for plan in plans if plan.status is PlanStatus.REFUSED), None)
 
 
-def _beside(row: _Row, paper: PaperRow | None) -> tuple[str, ...]:
+def _printed_cell(row: _Row, paper: PaperRow | None) -> tuple[str, ...]:
     """The paper's column of a row; empty if the paper has no such plans."""
     if paper is None:
         return ()

@@ -189,7 +189,7 @@ def _count(number: int) -> Cell:
 
 
 def _estimate(values: np.ndarray[tuple[int], np.dtype[np.float64]], *, signed: bool = False) -> Cell:
-    """Mean with its interval, and the median besides; ``values`` has shape (N,)."""
+    """Mean with its interval, and the median; ``values`` has shape (N,)."""
     if len(values) == 0:
         return Cell(NONE, math.nan)
     mean, middle = bootstrap(values), bootstrap(values, np.median)

@@ -311,8 +311,8 @@ def _deviations(reports: _Reports, path: FlownPath, begin_s: float, end_s: float
             continue
         place = (position[2], position[3], position[4])
         found = progress_on(path, place, row, LOOK_AHEAD_ROWS if times else None)
-        is_beside = 0.0 < found.share < 1.0
-        if not is_beside and found.row in (0, len(path) - 2):
+        is_along_row = 0.0 < found.share < 1.0
+        if not is_along_row and found.row in (0, len(path) - 2):
             continue  # before the path's beginning, or beyond its end
         deviation = _deviation(path, found, position)
         if abs(deviation[0]) > OFF_PATH_M:

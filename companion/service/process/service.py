@@ -136,13 +136,13 @@ class Service:
             if self._metrics is not None and self._metrics_port is not None:
                 self._endpoint = Endpoint(self._metrics_port, self._metrics, self._supervision)
             async with asyncio.TaskGroup() as tasks:
-                beside = [tasks.create_task(self._warm()), tasks.create_task(self._reload_on_request())]
+                background = [tasks.create_task(self._warm()), tasks.create_task(self._reload_on_request())]
                 while True:
                     await self._fly(stopping)
                     if stopping.is_set():
                         break
                     self._flight = self._begun()
-                for task in beside:
+                for task in background:
                     task.cancel()
         except* CompanionError as group:
             raise _first(group) from None

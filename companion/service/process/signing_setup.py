@@ -22,8 +22,8 @@ def signing_of(mission: MissionConfig, state: Path | None) -> tuple[Timestamps |
     if signing is None:
         return None, None
     key_file = Path(signing.key_file)
-    beside = key_file if state is None else state / key_file.name
-    times = signing.timestamp_file or f"{beside}.times"
+    base = key_file if state is None else state / key_file.name
+    times = signing.timestamp_file or f"{base}.times"
     timestamps = Timestamps(Path(times), time.time, lambda: clock_state() != UNSYNCHRONISED)
     signer = signer_of(
         read_key(key_file), signing.link_id, timestamps, signing.allow_unsigned,

@@ -30,7 +30,7 @@ from companion.ui.page.playback import Playback, mcap_of, recorded_playback
 from companion.ui.page.playback_page import show_playbacks
 
 __all__ = [
-    "beside", "document_of", "exported", "first_difference", "remarks", "replayable", "replayed",
+    "compared_with", "document_of", "exported", "first_difference", "remarks", "replayable", "replayed",
     "show", "show_page",
 ]  # fmt: skip
 
@@ -204,7 +204,7 @@ def _shows_as_flown(path: Path, mission: MissionConfig | None) -> bool:
     return mission is None or path.is_dir() or path.with_suffix(".mcap").exists()
 
 
-def beside(expected: Recording, result: Replayed) -> Replayed:
+def compared_with(expected: Recording, result: Replayed) -> Replayed:
     """Return a result that is compared with another flight than the replayed one."""
     return replace(result, flown_decisions=expected.decisions, flown_uploads=flown_uploads(expected))
 

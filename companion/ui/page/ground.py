@@ -120,13 +120,15 @@ class Square:
         column = np.clip(np.floor(right), 0, self.side - 2).astype(np.intp)
 
         around = [
-            samples[row + below, column + beside].astype(np.float64) for below in (0, 1) for beside in (0, 1)
+            samples[row + down_by, column + east_by].astype(np.float64)
+            for down_by in (0, 1)
+            for east_by in (0, 1)
         ]
         for found in around:
             found[found == _UNKNOWN] = np.nan
-        low, beside = down - row, right - column
-        above = (1.0 - beside) * around[0] + beside * around[1]
-        below = (1.0 - beside) * around[2] + beside * around[3]
+        low, across = down - row, right - column
+        above = (1.0 - across) * around[0] + across * around[1]
+        below = (1.0 - across) * around[2] + across * around[3]
         return (1.0 - low) * above + low * below
 
 

@@ -1,4 +1,4 @@
-"""Requests to the page's server besides the stream: files, recordings, the radars' field, the ground."""
+"""Requests to the page's server other than the stream: files, recordings, the radars' field, the ground."""
 
 from __future__ import annotations
 
@@ -81,15 +81,15 @@ class Pages:
 
     def _sources(self) -> dict[str, object]:
         """The flights and recordings that can be shown."""
-        live = [] if self._feed is None else [{"name": "live", "stream": "/stream"} | self._asides("live")]
+        live = [] if self._feed is None else [{"name": "live", "stream": "/stream"} | self._data_of("live")]
         recordings = [
-            {"name": playback.name, "recording": f"/recording/{number}"} | self._asides(str(number))
+            {"name": playback.name, "recording": f"/recording/{number}"} | self._data_of(str(number))
             for number, playback in enumerate(self._playbacks)
         ]
         return {"version": __version__, "sources": [*live, *recordings]}
 
-    def _asides(self, number: str) -> dict[str, str]:
-        """Addresses of data that is fetched besides a flight's messages."""
+    def _data_of(self, number: str) -> dict[str, str]:
+        """Addresses of data that is fetched in addition to a flight's messages."""
         ground = {} if self._ground is None else {"ground": f"/ground/{number}"}
         return {"field": f"/field/{number}"} | ground
 

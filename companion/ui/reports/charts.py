@@ -27,7 +27,7 @@ from companion.world.snapshot import Snapshot
 LEFT, WORDS_LEFT, RIGHT = 0.085, 0.185, 0.885
 WIDTH_IN, HEIGHT_IN = 9.6, 3.1
 HIGH_THREAT = 0.5  # The paper counts a waypoint as highly threatened from this level on.
-BESIDE_M = 30.0
+LATERAL_M = 30.0
 NUM_OBSTACLE_SAMPLES_MAX = 1500
 # Colours of the threats that came nearest.
 COLOURS = (style.DYNAMIC, style.FLOWN, style.SUB_GOAL, style.RADAR)
@@ -53,7 +53,7 @@ def altitude_chart(
         instants, tops = obstacle_tops(snapshot, flown)
         axes.fill_between(
             instants - start_s, np.full(len(tops), -1e5), tops, where=np.isfinite(tops).tolist(), step="mid",
-            color=style.OBSTACLE, alpha=0.75, lw=0, label=f"obstacle below or within {BESIDE_M:.0f} m",
+            color=style.OBSTACLE, alpha=0.75, lw=0, label=f"obstacle below or within {LATERAL_M:.0f} m",
         )  # fmt: skip
     for bound, name in ((low, "floor"), (high, "ceiling")):
         axes.axhline(
@@ -213,7 +213,7 @@ def obstacle_tops(snapshot: Snapshot, flown: FloatArray) -> tuple[FloatArray, Fl
     points = shapely.points(rows[:, 1], rows[:, 2])
     tops = np.full(len(rows), np.nan)
     for obstacle in snapshot.obstacle_list:
-        near = shapely.dwithin(points, shapely.Polygon(obstacle.polygon_enu_m), BESIDE_M)
+        near = shapely.dwithin(points, shapely.Polygon(obstacle.polygon_enu_m), LATERAL_M)
         tops[near] = np.fmax(tops[near], obstacle.top_m)
     return rows[:, 0], tops
 

@@ -47,7 +47,7 @@ HALO: Final = (withStroke(linewidth=2.4, foreground="white"),)
 DPI: Final = 150
 LINE_SPACING_PT: Final = 4.0
 # Where a text is tried beside its point, east and north, and the share of its size that then lies before it.
-BESIDE: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+OFFSETS: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 SHARE_LEFT: Final = {1: 0.0, 0: 0.5, -1: 1.0}
 
 SETTINGS: Final[Any] = {
@@ -246,7 +246,7 @@ class Labels:
         x, y, text = *self._points(east_m, north_m), printable(text)
         width, height = 0.62 * self.size * len(text), 1.25 * self.size
         left, bottom, right, top = self._frame()
-        for dx, dy in BESIDE:
+        for dx, dy in OFFSETS:
             reach = offset_pt * (1.0 if dx == 0 or dy == 0 else 0.75)
             low_x = x + dx * reach - SHARE_LEFT[dx] * width
             low_y = y + dy * reach - SHARE_LEFT[dy] * height
