@@ -185,7 +185,7 @@ class Tree(Struct):
     count: Int1D
 
 
-class Guide(Struct):
+class DistanceField(Struct):
     """The distance field of a point: how far it is from everywhere, round obstacles.
 
     ``field`` (N, M) the distance [m] from every cell of a grid, infinite where no way leads; ``origin``
@@ -367,7 +367,7 @@ class Scene(Struct):
     limits: Limits
     tables: Uncertainty
     search: Search
-    guide: Guide
+    distances: DistanceField
     game: Game
 
 

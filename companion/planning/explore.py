@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation
 from companion.kernels.aircraft.motion import OK, state_status
-from companion.kernels.arrays import Guide, IntArray, Limits, Scene, Tree, empty_tree
+from companion.kernels.arrays import DistanceField, IntArray, Limits, Scene, Tree, empty_tree
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.search.growth import FAR, assess
 from companion.kernels.threat.pursuit_game import PASSES_BY, is_threatened
@@ -19,7 +19,7 @@ from companion.world.pursuer_trees import threat_trees
 from companion.world.pursuit import pursuit_game
 from companion.world.vehicle.lqg import tables_once, with_gusts
 
-NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
+NO_DISTANCES = DistanceField(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 
 
 @dataclass
@@ -144,7 +144,7 @@ class Exploration:
                 search=self.problem.settings.search(
                     self.limits, snapshot.unit_m, 0.0, bars_pursued=self.bars_pursued
                 ),
-                guide=NO_GUIDE,
+                distances=NO_DISTANCES,
                 game=self.game,
             )
         return self._scene

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import shapely
 
-from companion.kernels.arrays import Guide, Scene, ThreatModel, empty_pursuers
+from companion.kernels.arrays import DistanceField, Scene, ThreatModel, empty_pursuers
 from companion.kernels.workspace import workspace
 from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances
 from companion.planning.settings import PlannerSettings
@@ -62,7 +62,7 @@ def scene_of(limits, *, obstacles=None, threats=None, pursuers=None, model=None,
         limits=limits,
         tables=tables(limits.dimension),
         search=small_settings().search(limits, 25.0, 100.0, bars_pursued=False) if search is None else search,
-        guide=Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0),
+        distances=DistanceField(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0),
         game=pursuit_game((), obstacles, None, bounds, 0.0),
     )
 

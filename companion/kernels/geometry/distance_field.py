@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from companion.kernels.arrays import Float1D, Float2D, Guide, Limits, Obstacles, Tree
+from companion.kernels.arrays import DistanceField, Float1D, Float2D, Limits, Obstacles, Tree
 from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.native.kernel import kernel
 
@@ -21,31 +21,36 @@ SPREAD = 0.5  # A sample is drawn from a disc whose radius is this share of its 
 
 
 def fill_distance_field(
-    point: Float1D, radius: float, margin: float, bounds: Float1D, obstacles: Obstacles, guide: Guide
+    point: Float1D,
+    radius: float,
+    margin: float,
+    bounds: Float1D,
+    obstacles: Obstacles,
+    distances: DistanceField,
 ) -> None:
-    """Distance of ``point`` (≥ 3,) round obstacles at its height from every cell of a guide, in place [m].
+    """Distance of ``point`` (≥ 3,) round obstacles at its height from every cell of its field, in place [m].
 
     Cells beyond ``radius`` from the point or outside ``bounds`` (≥ 4,) x_min x_max y_min y_max [m], or
     nearer than ``margin`` to an obstacle, stay infinite; the point's own cell is free in any case. Sweeps
     there and back until nothing changes (Zhao, "A fast sweeping method for Eikonal equations", 2005, on the
     8-neighbour graph).
     """
-    free = np.zeros(guide.field.shape)
-    fill_free(point, radius, margin, bounds, obstacles, guide, free)
-    fill_distances(point, guide, free)
+    free = np.zeros(distances.field.shape)
+    fill_free(point, radius, margin, bounds, obstacles, distances, free)
+    fill_distances(point, distances, free)
 
 
 @kernel
 def fill_free(
-    point: Float1D, radius: float, margin: float, bounds: Float1D, obstacles: Obstacles, guide: Guide,
-    free: Float2D,
+    point: Float1D, radius: float, margin: float, bounds: Float1D, obstacles: Obstacles,
+    distances: DistanceField, free: Float2D,
 ) -> None:  # fmt: skip
-    """Which cells of a guide may be passed at the height of ``point`` (≥ 3,): 1 in ``free`` (N, M), else 0.
+    """Which cells of a field may be passed at the height of ``point`` (≥ 3,): 1 in ``free`` (N, M), else 0.
 
     The rest as in :func:`fill_distance_field`; ``bounds`` (≥ 4,).
     """
     x, y, z = point[0], point[1], point[2]
-    origin, cell = guide.origin, guide.cell
+    origin, cell = distances.origin, distances.cell
     for i in range(free.shape[0]):
         for j in range(free.shape[1]):
             free[i, j] = 0.0
@@ -58,13 +63,13 @@ def fill_free(
 
 
 @kernel
-def fill_distances(point: Float1D, guide: Guide, free: Float2D) -> None:
-    """Distance of ``point`` (≥ 2,) over the cells that are ``free`` (N, M), into the guide's field [m].
+def fill_distances(point: Float1D, distances: DistanceField, free: Float2D) -> None:
+    """Distance of ``point`` (≥ 2,) over the cells that are ``free`` (N, M), into ``distances.field`` [m].
 
     A cell's ``free`` is how many times its length a way over it counts, 0 where none leads. The point's own
     cell is free in any case, and is changed to that.
     """
-    field, origin, cell = guide.field, guide.origin, guide.cell
+    field, origin, cell = distances.field, distances.origin, distances.cell
     x, y = point[0], point[1]
     field[:] = math.inf
     i, j = int(round((x - origin[0]) / cell)), int(round((y - origin[1]) / cell))
@@ -109,23 +114,23 @@ def _sweep(field: Float2D, free: Float2D, cell: float, step: int) -> bool:
 
 
 @kernel
-def distance_to_go(guide: Guide, x: float, y: float) -> float:
-    """Distance from a place round obstacles to the guide's point [m]; infinite outside the grid."""
-    i = int(round((x - guide.origin[0]) / guide.cell))
-    j = int(round((y - guide.origin[1]) / guide.cell))
-    if i < 0 or j < 0 or i >= guide.field.shape[0] or j >= guide.field.shape[1]:
+def distance_to_go(distances: DistanceField, x: float, y: float) -> float:
+    """Distance from a place round obstacles to the field's point [m]; infinite outside the grid."""
+    i = int(round((x - distances.origin[0]) / distances.cell))
+    j = int(round((y - distances.origin[1]) / distances.cell))
+    if i < 0 or j < 0 or i >= distances.field.shape[0] or j >= distances.field.shape[1]:
         return math.inf
-    return float(guide.field[i, j])
+    return float(distances.field[i, j])
 
 
 @kernel
 def draw_ahead(
-    draws: Float1D, tree: Tree, guide: Guide, sub_goal: Float1D, limits: Limits, q_s: Float1D
+    draws: Float1D, tree: Tree, distances: DistanceField, sub_goal: Float1D, limits: Limits, q_s: Float1D
 ) -> bool:
     """A sample ahead of a node that is far on; False where no way leads from any node.
 
     Of ``PICKS`` nodes drawn from the tree, the one with the least distance to go is followed, up to
-    ``guide.ahead`` metres down the field, and the sample is uniform in a disc there. Its height lies
+    ``distances.ahead`` metres down the field, and the sample is uniform in a disc there. Its height lies
     between the node's and the sub goal's, within what can be climbed.
 
     ``draws`` (≥ 16,) uniform numbers; ``sub_goal`` (3,) [m]; ``q_s`` (3,) receives the sample [m].
@@ -138,12 +143,12 @@ def draw_ahead(
     if node < 0:
         return False
     x, y, z = tree.state[node, 0], tree.state[node, 1], tree.state[node, 2]
-    i, j = _down_the_field(guide, x, y, best - min(best, draws[1] * guide.ahead))
-    gone = best - guide.field[i, j]
+    i, j = _down_the_field(distances, x, y, best - min(best, draws[1] * distances.ahead))
+    gone = best - distances.field[i, j]
     spread, angle = SPREAD * gone * math.sqrt(draws[2]), 2.0 * math.pi * draws[3]
     box = limits.bounds
-    q_s[0] = min(box[1], max(box[0], guide.origin[0] + i * guide.cell + spread * math.cos(angle)))
-    q_s[1] = min(box[3], max(box[2], guide.origin[1] + j * guide.cell + spread * math.sin(angle)))
+    q_s[0] = min(box[1], max(box[0], distances.origin[0] + i * distances.cell + spread * math.cos(angle)))
+    q_s[1] = min(box[3], max(box[2], distances.origin[1] + j * distances.cell + spread * math.sin(angle)))
     q_s[2] = sub_goal[2]
     if limits.dimension == 3:
         offset = (2.0 * draws[7] - 1.0) * SPREAD * gone * math.tan(limits.climb_max)
@@ -153,10 +158,13 @@ def draw_ahead(
 
 
 @kernel
-def _down_the_field(guide: Guide, x: float, y: float, wanted: float) -> tuple[int, int]:
+def _down_the_field(distances: DistanceField, x: float, y: float, wanted: float) -> tuple[int, int]:
     """The first cell with at most ``wanted`` metres to go, from neighbour to nearest neighbour."""
-    field = guide.field
-    i, j = int(round((x - guide.origin[0]) / guide.cell)), int(round((y - guide.origin[1]) / guide.cell))
+    field = distances.field
+    i, j = (
+        int(round((x - distances.origin[0]) / distances.cell)),
+        int(round((y - distances.origin[1]) / distances.cell)),
+    )
     while field[i, j] > wanted:
         u, w = i, j
         for a in range(max(0, i - 1), min(field.shape[0], i + 2)):

@@ -126,7 +126,7 @@ def enter_sub_task(tree: Tree, scene: Scene, sub_goal: Float1D) -> float:
     for i in range(tree.count[0]):
         if tree.active[i] == 1:
             nearest = min(nearest, distance_to(tree.state[i], sub_goal))
-            tree.to_go[i] = distance_to_go(scene.guide, tree.state[i, 0], tree.state[i, 1])
+            tree.to_go[i] = distance_to_go(scene.distances, tree.state[i, 0], tree.state[i, 1])
     return nearest
 
 
@@ -140,7 +140,7 @@ def explore(
     Returns ``REACHED`` and the node, else ``RUNNING`` or ``FULL`` and -1. ``centre`` (3,) of the horizon
     and ``sub_goal`` (3,) [m]; ``work.stats`` counts.
     """
-    search, guide, limits, obstacles = scene.search, scene.guide, scene.limits, scene.obstacles
+    search, distances, limits, obstacles = scene.search, scene.distances, scene.limits, scene.obstacles
     q_s, step, stats = work.sample, work.step, work.stats
     threats = threats_at(scene, work.points, work.growth.threat)
     nearest = enter_sub_task(tree, scene, sub_goal)
@@ -148,8 +148,8 @@ def explore(
         if tree.count[0] + MAX_STRAIGHT >= tree.parent.shape[0]:
             return FULL, -1
         stats[3] += 1
-        follows = draws[m, 0] > 1.0 - guide.share
-        if not (follows and draw_ahead(draws[m], tree, guide, sub_goal, limits, q_s)):
+        follows = draws[m, 0] > 1.0 - distances.share
+        if not (follows and draw_ahead(draws[m], tree, distances, sub_goal, limits, q_s)):
             draw_sample(draws[m], search.zoom, centre, horizon, sub_goal, nearest, limits, q_s)
         q_n = choose_node(tree, q_s, search, limits.dimension, threats, work.near)
         if q_n == NONE:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from companion.kernels.arrays import (
+    DistanceField,
     Float1D,
     Float2D,
-    Guide,
     Int1D,
     Limits,
     Obstacles,
@@ -51,11 +51,11 @@ class SubGoalWeights(Struct):
 class SubGoalScratch(Struct):
     """What the scores of sub goals need in addition to the scene.
 
-    ``guide`` is the distance field of the horizon's centre and ``radius`` the horizon's [m]. ``threats`` are
+    ``distances`` is the field of the horizon's centre and ``radius`` the horizon's [m]. ``threats`` are
     those at the moment. ``boxes`` (O + 1, 2) is used up.
     """
 
-    guide: Guide
+    distances: DistanceField
     threats: ThreatScene
     radius: float
     boxes: Float2D
@@ -122,7 +122,7 @@ def dynamic_radius(end: Float1D, x: float, y: float, later: float, pursuers: Pur
 @kernel
 def why_removed(
     p: Float1D, end: Float1D, goal: Float1D, radius: float, level: float, level_max: float,
-    guide: Guide, scene: Scene,
+    distances: DistanceField, scene: Scene,
 ) -> int:  # fmt: skip
     """``FREE``, or the first reason to remove the point ``p`` (3,) [m].
 
@@ -144,8 +144,8 @@ def why_removed(
         return CONSTRAINED
     if not is_on_the_way(z - goal[2], math.hypot(goal[0] - x, goal[1] - y), limits):
         return CONSTRAINED
-    if guide.field[
-        int(round((x - end[0] + radius) / guide.cell)), int(round((y - end[1] + radius) / guide.cell))
+    if distances.field[
+        int(round((x - end[0] + radius) / distances.cell)), int(round((y - end[1] + radius) / distances.cell))
     ] > (DETOUR_MAX * radius):
         return CONSTRAINED
     return HIGH_RISK if level > level_max else FREE
@@ -162,14 +162,14 @@ def score(
     """
     radius, pursuers = float(np.linalg.norm(candidates.points[0] - end[:3])), scene.pursuers
     field, cell = np.empty((FIELD_CELLS, FIELD_CELLS)), 2.0 * radius / (FIELD_CELLS - 1)
-    guide = Guide(field, end[:2] - radius, cell, 0.0, 0.0)
-    fill_distance_field(end, radius, scene.limits.margin, scene.limits.bounds, scene.obstacles, guide)
+    distances = DistanceField(field, end[:2] - radius, cell, 0.0, 0.0)
+    fill_distance_field(end, radius, scene.limits.margin, scene.limits.bounds, scene.obstacles, distances)
     positions = np.ones((len(pursuers.count), 4))
     positions[:, :3] = pursuers.position[:, 0]
     threats = threat_scene(scene.threats, positions, pursuers.reach, scene.model)
     scratch = np.empty((len(scene.obstacles.heights) + 1, 2))
     fill_scores(
-        candidates, end, goal, elapsed, weights, scene, SubGoalScratch(guide, threats, radius, scratch)
+        candidates, end, goal, elapsed, weights, scene, SubGoalScratch(distances, threats, radius, scratch)
     )
 
 
@@ -179,7 +179,7 @@ def fill_scores(
     scene: Scene, work: SubGoalScratch,
 ) -> None:  # fmt: skip
     """:func:`score` with what it needs: ``end`` (6,) and ``goal`` (3,) as there."""
-    points, gamma, pursuers, guide = candidates.points, weights.gamma, scene.pursuers, work.guide
+    points, gamma, pursuers, distances = candidates.points, weights.gamma, scene.pursuers, work.distances
     obstacles, model, limits, scratch = scene.obstacles, scene.model, scene.limits, work.boxes
     for s in range(points.shape[0]):
         p = points[s]
@@ -198,5 +198,5 @@ def fill_scores(
             x, y, z, math.atan2(dy, dx), math.atan2(dz, flat), limits.v_cruise, 0.0, work.threats
         )
         level = mu - nu
-        reason = why_removed(p, end, goal, work.radius, level, weights.level_max, guide, scene)
+        reason = why_removed(p, end, goal, work.radius, level, weights.level_max, distances, scene)
         candidates.reasons[s] = reason

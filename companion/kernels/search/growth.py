@@ -228,5 +228,5 @@ def grow(
             assess(tree, changed[c], dimension, search, normals, threats, factor, levels)
     tree.cost[i] = tree.cost[q_n] + cost_distance(tree, q_n, state[0], state[1], state[2], search, threats)
     tree.cost[i] += collision_cost(search, tree.clear[i])
-    tree.to_go[i] = distance_to_go(scene.guide, state[0], state[1])
+    tree.to_go[i] = distance_to_go(scene.distances, state[0], state[1])
     return i

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.arrays import Guide, Limits, Scene
+from companion.kernels.arrays import DistanceField, Limits, Scene
 from companion.kernels.geometry.distance_field import distance_to_go
 from companion.kernels.printed.sub_goals import (
     CONSTRAINED,
@@ -88,7 +88,7 @@ def choose_sub_goal(
     elapsed_s: float,
     scene: Scene,
     settings: PlannerSettings,
-    home: Guide,
+    home: DistanceField,
     used: list[FloatArray],
 ) -> SubGoal:
     """The cheapest point of the horizon about the path's end, or the goal where it lies inside.
@@ -112,7 +112,7 @@ def choose_sub_goal(
         Obstacles, threats, DTs and limits.
     settings : PlannerSettings
         Weights and the sensing horizon.
-    home : Guide
+    home : DistanceField
         The goal's distance field.
     used : list of ndarray, shape (3,)
         Sub goals chosen before [m].

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.arrays import Guide, Scene
+from companion.kernels.arrays import DistanceField, Scene
 from companion.kernels.printed.branches import activate
 from companion.kernels.printed.dynamic_domain_rrt import FULL, REACHED, explore
 from companion.kernels.search.growth import DRAWS
 from companion.planning.explore import Exploration
-from companion.planning.printed.guides import distances_to_go, guide_home, guide_to
+from companion.planning.printed.distance_fields import distances_to_go, goal_distances, sub_goal_distances
 from companion.planning.printed.sub_goal import choose_sub_goal
 from companion.planning.route import Route, route_from_tree
 
@@ -47,7 +47,7 @@ class SubTasks:
         self.notes: list[str] = []
         self._tree, self._limits, self._problem = exploration.tree, exploration.limits, exploration.problem
         self._budget_end = exploration.problem.settings.max_iterations
-        self._homes: dict[tuple[float, ...], Guide] = {}
+        self._homes: dict[tuple[float, ...], DistanceField] = {}
 
     def is_spent(self, should_stop: ShouldStop) -> bool:
         """Return whether the budget has ended."""
@@ -130,7 +130,7 @@ class SubTasks:
         """
         scene = self.exploration.scene()
         search = scene.search._replace(tolerance=tolerance_m)
-        return scene._replace(search=search, guide=self.guide_to(sub_goal))
+        return scene._replace(search=search, distances=self.sub_goal_distances(sub_goal))
 
     def nearest_node(self, point: FloatArray) -> int:
         """The searched node nearest to a point.
@@ -144,7 +144,7 @@ class SubTasks:
         away = np.linalg.norm(self._tree.state[:n, :3] - point, axis=1)
         return int(np.argmin(np.where(self._tree.active[:n] == 1, away, np.inf)))
 
-    def guide_to(self, point: FloatArray) -> Guide:
+    def sub_goal_distances(self, point: FloatArray) -> DistanceField:
         """The distance field of a point, over twice the sensing horizon about it.
 
         Parameters
@@ -153,9 +153,9 @@ class SubTasks:
             A sub goal [m].
         """
         obstacles = self._problem.snapshot.obstacles
-        return guide_to(point, self._limits, self._problem.settings, obstacles)
+        return sub_goal_distances(point, self._limits, self._problem.settings, obstacles)
 
-    def guide_home(self, goal: FloatArray) -> Guide:
+    def goal_distances(self, goal: FloatArray) -> DistanceField:
         """The distance field of a goal, over everything within the bounds.
 
         Parameters
@@ -165,7 +165,7 @@ class SubTasks:
         """
         asked = tuple(float(value) for value in goal)
         if asked not in self._homes:
-            self._homes[asked] = guide_home(goal, self._limits, self._problem.snapshot.obstacles)
+            self._homes[asked] = goal_distances(goal, self._limits, self._problem.snapshot.obstacles)
         return self._homes[asked]
 
     def nearest_to_go(self, point: FloatArray) -> int:
@@ -179,10 +179,10 @@ class SubTasks:
         point : ndarray, shape (3,)
             A sub goal [m].
         """
-        guide, n = self.guide_to(point), int(self._tree.count[0])
+        distances, n = self.sub_goal_distances(point), int(self._tree.count[0])
         to_go = np.where(
             self._tree.active[:n] == 1,
-            distances_to_go(guide, self._tree.state[:n, :2]),
+            distances_to_go(distances, self._tree.state[:n, :2]),
             np.inf,
         )
         return int(np.argmin(to_go)) if np.isfinite(to_go).any() else self.nearest_node(point)
@@ -216,7 +216,7 @@ class SubTasks:
         """
         end, in_a_row = root, 0
         used: list[FloatArray] = []
-        settings, home = self._problem.settings, self.guide_home(goal)
+        settings, home = self._problem.settings, self.goal_distances(goal)
         while not self.is_spent(should_stop):
             centre = self._tree.state[end, :3].copy()
             sub_goal = self._next_sub_goal(end, centre, goal, home, used)
@@ -248,7 +248,7 @@ class SubTasks:
         return False, end
 
     def _next_sub_goal(
-        self, end: int, centre: FloatArray, goal: FloatArray, home: Guide, used: list[FloatArray]
+        self, end: int, centre: FloatArray, goal: FloatArray, home: DistanceField, used: list[FloatArray]
     ) -> FloatArray:
         """Choose a sub goal and note it.
 
@@ -260,7 +260,7 @@ class SubTasks:
             Where that is [m].
         goal : ndarray, shape (3,)
             Centre of the goal region [m].
-        home : Guide
+        home : DistanceField
             The goal's distance field.
         used : list of ndarray, shape (3,)
             Sub goals that were tried since the tree began [m]; the new one is added.

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.kernels.arrays import Guide, empty_tree
+from companion.kernels.arrays import DistanceField, empty_tree
 from companion.kernels.geometry import distance_field as k
 from companion.kernels.printed.dynamic_domain_rrt import greedy_connect
 from companion.kernels.search.growth import DRAWS
@@ -21,8 +21,8 @@ SPACE = VehicleModel().limits(3, BOUNDS, 15.0, 1.0)
 SUB_GOAL = np.array([1000.0, 1600.0, 250.0])
 
 
-def guide(obstacles, share=1.0, ahead=200.0, bounds=BOUNDS):
-    made = Guide(np.empty((81, 81)), np.zeros(2), 25.0, share, ahead)
+def distances(obstacles, share=1.0, ahead=200.0, bounds=BOUNDS):
+    made = DistanceField(np.empty((81, 81)), np.zeros(2), 25.0, share, ahead)
     k.fill_distance_field(SUB_GOAL, np.inf, 15.0, np.array(bounds), packed(obstacles, BOUNDS), made)
     return made
 
@@ -30,7 +30,7 @@ def guide(obstacles, share=1.0, ahead=200.0, bounds=BOUNDS):
 def test_a_way_stays_within_the_bounds():
     # A wall from the western bound to x = 1500: round its western end there is no way, but 50 m outside.
     wall = [box("wall", 0.0, 1000.0, 1500.0, 1050.0)]
-    way = guide(wall)
+    way = distances(wall)
     straight = math.hypot(900.0, 800.0)
     assert k.distance_to_go(way, 100.0, 800.0) > 1400.0 + straight / 2.0
     assert k.distance_to_go(way, 100.0, 1600.0) == pytest.approx(900.0)
@@ -48,7 +48,7 @@ def standing_tree(*positions):
 
 def test_samples_lie_ahead_on_the_way_of_the_node_that_is_farthest_on():
     wall = [box("wall", 500.0, 1000.0, 1500.0, 1050.0)]
-    way = guide(wall)
+    way = distances(wall)
     tree = standing_tree((1000.0, 300.0, 200.0), (600.0, 900.0, 200.0), (1000.0, 500.0, 200.0))
     for i in range(3):
         tree.to_go[i] = k.distance_to_go(way, *tree.state[i, :2])
@@ -71,7 +71,7 @@ def test_samples_lie_ahead_on_the_way_of_the_node_that_is_farthest_on():
 
 
 def test_no_sample_where_no_node_has_a_way():
-    way = guide([])
+    way = distances([])
     tree = standing_tree((1000.0, 300.0, 200.0))
     tree.to_go[0] = math.inf
     assert not k.draw_ahead(np.full(DRAWS, 0.5), tree, way, SUB_GOAL, SPACE, np.empty(3))

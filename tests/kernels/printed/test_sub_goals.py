@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import lil_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from companion.kernels.arrays import Guide, Threats, empty_pursuers
+from companion.kernels.arrays import DistanceField, Threats, empty_pursuers
 from companion.kernels.geometry.distance_field import fill_distance_field
 from companion.kernels.geometry.prism_distance import clearance
 from companion.kernels.printed import sub_goals as sg
@@ -137,9 +137,9 @@ def test_the_distance_field_agrees_with_dijkstra():
     world = packed([box("a", 100.0, -250.0, 140.0, 300.0), box("b", -300.0, 120.0, 60.0, 150.0)], BOUNDS)
     n, radius, margin = 33, 400.0, 15.0
     cell = 2.0 * radius / (n - 1)
-    guide = Guide(np.empty((n, n)), np.array([-radius, -radius]), cell, 0.0, 0.0)
-    fill_distance_field(np.array([0.0, 0.0, 100.0]), radius, margin, np.array(BOUNDS), world, guide)
-    field = guide.field
+    distances = DistanceField(np.empty((n, n)), np.array([-radius, -radius]), cell, 0.0, 0.0)
+    fill_distance_field(np.array([0.0, 0.0, 100.0]), radius, margin, np.array(BOUNDS), world, distances)
+    field = distances.field
     centre = np.arange(n) * cell - radius
     free = np.array(
         [

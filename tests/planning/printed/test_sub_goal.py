@@ -26,7 +26,7 @@ def chosen(
     return choose_sub_goal(
         end=exploration.tree.state[0].copy(), goal=np.array(goal), elapsed_s=0.0,
         scene=exploration.scene(), settings=asked.settings,
-        home=SubTasks(exploration).guide_home(np.array(goal)), used=[np.array(point) for point in used],
+        home=SubTasks(exploration).goal_distances(np.array(goal)), used=[np.array(point) for point in used],
     )  # fmt: skip
 
 

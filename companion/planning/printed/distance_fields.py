@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.arrays import Guide, Limits, Obstacles
+from companion.kernels.arrays import DistanceField, Limits, Obstacles
 from companion.kernels.geometry.distance_field import fill_distances, fill_free
 from companion.planning.settings import PlannerSettings
 
 FIELD_CELLS = 97  # The grid around a sub goal has so many cells along each side.
 CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
-NO_GUIDE = Guide(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
+NO_DISTANCES = DistanceField(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 
 
-def guide_to(
+def sub_goal_distances(
     point: FloatArray, limits: Limits, settings: PlannerSettings, obstacles: Obstacles
-) -> Guide:  # fmt: skip
+) -> DistanceField:  # fmt: skip
     """The distance field of a point, over twice the sensing horizon about it.
 
     Parameters
@@ -34,14 +34,14 @@ def guide_to(
     cell = 2.0 * radius / (FIELD_CELLS - 1)
     share = settings.guided_share if settings.strategies.follow_field else 0.0
     steps_m = settings.guided_steps * (limits.v_cruise * limits.tau)
-    guide = Guide(np.empty((FIELD_CELLS, FIELD_CELLS)), point[:2] - radius, cell, share, steps_m)
-    free = np.empty(guide.field.shape)
-    fill_free(point, radius, limits.margin, limits.bounds, obstacles, guide, free)
-    fill_distances(point, guide, free)
-    return guide
+    distances = DistanceField(np.empty((FIELD_CELLS, FIELD_CELLS)), point[:2] - radius, cell, share, steps_m)
+    free = np.empty(distances.field.shape)
+    fill_free(point, radius, limits.margin, limits.bounds, obstacles, distances, free)
+    fill_distances(point, distances, free)
+    return distances
 
 
-def guide_home(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> Guide:
+def goal_distances(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> DistanceField:
     """The distance field of a goal, over everything within the bounds.
 
     Parameters
@@ -53,28 +53,28 @@ def guide_home(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> Guide:
     obstacles : Obstacles
         What is gone round.
     """
-    guide = _over_bounds(limits)
-    free = np.zeros(guide.field.shape)
-    fill_free(goal, np.inf, limits.margin, limits.bounds, obstacles, guide, free)
-    fill_distances(goal, guide, free)
-    return guide
+    distances = _over_bounds(limits)
+    free = np.zeros(distances.field.shape)
+    fill_free(goal, np.inf, limits.margin, limits.bounds, obstacles, distances, free)
+    fill_distances(goal, distances, free)
+    return distances
 
 
-def _over_bounds(limits: Limits) -> Guide:
+def _over_bounds(limits: Limits) -> DistanceField:
     """An empty field over everything within the bounds."""
     b = limits.bounds
     cell = max(CELL_MIN_M, max(b[1] - b[0], b[3] - b[2]) / CELLS_MAX)
     empty = np.empty((int((b[1] - b[0]) / cell) + 1, int((b[3] - b[2]) / cell) + 1))
-    return Guide(empty, np.array([b[0], b[2]]), cell, 0.0, 0.0)
+    return DistanceField(empty, np.array([b[0], b[2]]), cell, 0.0, 0.0)
 
 
-def distances_to_go(guide: Guide, places: FloatArray) -> FloatArray:
+def distances_to_go(distances: DistanceField, places: FloatArray) -> FloatArray:
     """Distance to go from places near a sub goal, by the nearest node of its field.
 
     Parameters
     ----------
-    guide : Guide
-        Made by :func:`guide_to`.
+    distances : DistanceField
+        Made by :func:`sub_goal_distances`.
     places : ndarray, shape (N, 2)
         East and north [m].
 
@@ -83,6 +83,6 @@ def distances_to_go(guide: Guide, places: FloatArray) -> FloatArray:
     ndarray, shape (N,)
         Infinite where there is no way [m].
     """
-    index = np.rint((places - guide.origin) / guide.cell).astype(np.int64)
+    index = np.rint((places - distances.origin) / distances.cell).astype(np.int64)
     index = np.clip(index, 0, FIELD_CELLS - 1)
-    return guide.field[index[:, 0], index[:, 1]]
+    return distances.field[index[:, 0], index[:, 1]]
