@@ -16,12 +16,12 @@ from companion.mission_files.formats.kml_file import kml_bytes, take_kml, take_k
 from companion.mission_files.formats.plan_file import plan_document, take_plan
 from companion.mission_files.formats.radar_table import take_radar_table
 from companion.mission_files.formats.waypoint_file import take_waypoints
-from companion.mission_files.found_places import Intake, Kind
+from companion.mission_files.found_places import Importer, Kind
 from companion.mission_files.mission_composition import Wishes, composed
 from companion.mission_files.mission_places import places_of
 from companion.mission_files.mission_text import remarks_of, text_of_mission
 
-READERS: dict[str, Callable[[Intake, bytes], None]] = {
+READERS: dict[str, Callable[[Importer, bytes], None]] = {
     ".plan": take_plan,
     ".waypoints": take_waypoints,
     ".txt": take_waypoints,
@@ -41,7 +41,7 @@ EXAMPLES = """\
 """
 
 
-def taken(path: Path, default_kind: Kind | None = None) -> Intake:
+def taken(path: Path, default_kind: Kind | None = None) -> Importer:
     """Return what a file has, by the ending of its name.
 
     Parameters
@@ -65,11 +65,11 @@ def taken(path: Path, default_kind: Kind | None = None) -> Intake:
             path.suffix or "no ending",
             f"a name that ends in {', '.join(READERS)}",
         )
-    intake = Intake(path.name, default_kind)
-    reader(intake, foreign_bytes(path))
-    if not intake.places:
-        intake.remark("file", "nothing of it is taken")
-    return intake
+    importer = Importer(path.name, default_kind)
+    reader(importer, foreign_bytes(path))
+    if not importer.places:
+        importer.remark("file", "nothing of it is taken")
+    return importer
 
 
 def imported(
@@ -96,12 +96,12 @@ def imported(
     ConfigError
         If a file is wrong, something is missing, or the places contradict each other.
     """
-    intakes = [taken(path, default_kind) for path in files]
-    names = ", ".join(intake.file for intake in intakes)
-    remarks: Sequence[str] = [remark for intake in intakes for remark in intake.remarks]
+    importers = [taken(path, default_kind) for path in files]
+    names = ", ".join(importer.file for importer in importers)
+    remarks: Sequence[str] = [remark for importer in importers for remark in importer.remarks]
     try:
         head = (f"Made by companion import of {names}.",)
-        text = text_of_mission(composed(intakes, wishes), wishes, f"Imported from {names}", head)
+        text = text_of_mission(composed(importers, wishes), wishes, f"Imported from {names}", head)
         remarks = remarks_of(text)
         check_text(text, names)
     finally:
@@ -247,11 +247,11 @@ def new_mission(wishes: Wishes, goal: tuple[float, float]) -> str:
     ConfigError
         If the answers do not make a mission.
     """
-    intake = Intake("command line")
+    importer = Importer("command line")
     values = {"up_m": wishes.height_m}
-    intake.add(Kind.GOAL, [goal], "", values, "--goal")
+    importer.add(Kind.GOAL, [goal], "", values, "--goal")
     description = f"From home to one goal, by companion new with the aircraft {wishes.aircraft}"
     head = ("Made by companion new. companion check tells what it means; companion sitl flies it.",)
-    text = text_of_mission(composed([intake], wishes), wishes, description, head) + EXAMPLES
+    text = text_of_mission(composed([importer], wishes), wishes, description, head) + EXAMPLES
     check_text(text, "command line")
     return text

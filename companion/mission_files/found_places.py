@@ -1,6 +1,6 @@
 """Places that were found in files: what each is, where it is, and what is known of it.
 
-An :class:`Intake` collects the places of one file, and remarks on all that it could not take. Each kind of
+An :class:`Importer` collects the places of one file, and remarks on all that it could not take. Each kind of
 place has properties, named as in the mission file; :data:`PROPERTIES` lists them.
 """
 
@@ -146,7 +146,7 @@ def circle(centre: Degrees, radius_m: float, *, is_inside: bool) -> tuple[Degree
     return tuple(zip(latitudes.tolist(), longitudes.tolist(), strict=True))
 
 
-class Intake:
+class Importer:
     """Collects the places of one file.
 
     Parameters

@@ -18,7 +18,7 @@ from companion.errors import ConfigError
 from companion.frames import FloatArray, LocalFrame, course_from_direction
 from companion.mission_files.aircraft_classes import CLASSES, DEFAULT_CLASS
 from companion.mission_files.fence_walls import common_area, walls_about
-from companion.mission_files.found_places import FoundPlace, Intake, Kind
+from companion.mission_files.found_places import FoundPlace, Importer, Kind
 from companion.mission_files.mission_places import places_of
 
 HEIGHT_M = 100.0  # Height over home where no file says one.
@@ -89,12 +89,12 @@ class Composed:
     remarks: tuple[str, ...]
 
 
-def composed(intakes: Sequence[Intake], wishes: Wishes) -> Composed:
+def composed(importers: Sequence[Importer], wishes: Wishes) -> Composed:
     """Return a mission of the places in files.
 
     Parameters
     ----------
-    intakes : sequence of Intake
+    importers : sequence of Importer
         The files' places.
     wishes : Wishes
         What the user says beside them.
@@ -104,21 +104,21 @@ def composed(intakes: Sequence[Intake], wishes: Wishes) -> Composed:
     ConfigError
         If something that a mission needs is missing, or places contradict each other.
     """
-    return _Composition(intakes, wishes).composed()
+    return _Composition(importers, wishes).composed()
 
 
 class _Composition:
-    def __init__(self, intakes: Sequence[Intake], wishes: Wishes) -> None:
+    def __init__(self, importers: Sequence[Importer], wishes: Wishes) -> None:
         self._wishes = wishes
-        self._files = ", ".join(intake.file for intake in intakes)
-        self._remarks: list[str] = [remark for intake in intakes for remark in intake.remarks]
-        self._homes = [self._home_in(intake) for intake in intakes]
+        self._files = ", ".join(importer.file for importer in importers)
+        self._remarks: list[str] = [remark for importer in importers for remark in importer.remarks]
+        self._homes = [self._home_in(importer) for importer in importers]
         self._origin = self._find_origin()
-        self._remark_homes([place for intake in intakes for place in intake.places])
+        self._remark_homes([place for importer in importers for place in importer.places])
         found: dict[Kind, list[FoundPlace]] = {kind: [] for kind in Kind}
-        for intake, home in zip(intakes, self._homes, strict=True):
+        for importer, home in zip(importers, self._homes, strict=True):
             shift = 0.0 if home is None else home.altitude_amsl_m - self._origin.altitude_amsl_m
-            for place in intake.places:
+            for place in importer.places:
                 resolved = self._resolved(place, shift)
                 found[resolved.kind].append(resolved)
         self._found = found
@@ -130,9 +130,9 @@ class _Composition:
         return ConfigError(self._files if place is None else place.where, None, key, "nothing", expected)
 
     @staticmethod
-    def _home_in(intake: Intake) -> LocalFrame | None:
+    def _home_in(importer: Importer) -> LocalFrame | None:
         """Return the first home of a file that has an altitude."""
-        for place in intake.places:
+        for place in importer.places:
             altitude = place.values.get("altitude_amsl_m")
             if place.kind is Kind.ORIGIN and isinstance(altitude, float | int):
                 return LocalFrame(*place.corners[0], altitude_amsl_m=float(altitude))

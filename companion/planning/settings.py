@@ -92,7 +92,7 @@ class PlannerSettings:
         )
 
     @property
-    def room_wanted_m(self) -> float:
+    def soft_clearance_m(self) -> float:
         """Distance from obstacles below which nearness has a price; 0 where only the least is asked."""
         is_more = self.strategies.by_objective and self.clearance_wanted_m > self.clearance_min_m
         return self.clearance_wanted_m if is_more else 0.0

@@ -164,10 +164,10 @@ def search_entities(trees: Mapping[str, object], utc_s: float) -> list[Entity]:
     """Return the recorded search of a plan: both trees, and the sub goals."""
     goals = trees.get("sub_goals_enu_m")
     places = [_numbers(place) for place in goals] if isinstance(goals, list) else []
-    ways = _branches(trees.get("tree_enu_m"), trees.get("tree_parents"))
+    branches = _branches(trees.get("tree_enu_m"), trees.get("tree_parents"))
     driven = _branches(trees.get("threat_tree_enu_m"), trees.get("threat_tree_parents"))
     return [
-        entity("search tree", utc_s, lines=[line(ways, TREE, LIST, 1.0)]),
+        entity("search tree", utc_s, lines=[line(branches, TREE, LIST, 1.0)]),
         entity("search threat tree", utc_s, lines=[line(driven, THREAT_TREE, LIST, 1.0)]),
         entity("search sub goals", utc_s, spheres=[ball(place, _SUB_GOAL_M, SUB_GOAL) for place in places]),
     ]

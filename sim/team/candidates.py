@@ -13,12 +13,12 @@ from companion.team.separation import PackedPlans
 from companion.team.shared_plan import SharedPlan, entering_circle
 from .scenes import Scene
 
-OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the way, as shares of its length.
+OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the path, as shares of its length.
 TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.
-# The announced plan has larger tolerances, for what is rounded and left out. A way that is clear by less
+# The announced plan has larger tolerances, for what is rounded and left out. A path that is clear by less
 # would be refused, again and again.
 ROUNDING_M, ROUNDING_UP_M = 5.0, 2.5
-LEVEL_M = 100.0  # The last part of a way is at the height of the circle, and longer than its radius.
+LEVEL_M = 100.0  # The last part of a path is at the height of the circle, and longer than its radius.
 LEVEL_COST_S = 5.0  # A level more is as good as so much time on the way.
 
 
@@ -47,17 +47,17 @@ class Circling:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """A way to the goal, whenever it is flown.
+class CandidatePath:
+    """A path to the goal, whenever it is flown.
 
     Parameters
     ----------
     angle_rad : float
         Direction from the centre in which the circle is left [rad].
     rows : ndarray, shape (M, 4)
-        Time after leaving [s], east, north, up [m]: where the circle is left, places on the way, the centre.
+        Time after leaving [s], east, north, up [m]: where the circle is left, places on the path, the centre.
     cost_s : float
-        What the way costs, as time [s].
+        What the path costs, as time [s].
     """
 
     angle_rad: float
@@ -65,8 +65,8 @@ class Way:
     cost_s: float
 
 
-def ways_to(scene: Scene, circling: Circling, goal: FloatArray) -> list[Way]:
-    """Return ways to a goal: straight and around, on all levels.
+def paths_to(scene: Scene, circling: Circling, goal: FloatArray) -> list[CandidatePath]:
+    """Return paths to a goal: straight and around, on all levels.
 
     Parameters
     ----------
@@ -75,10 +75,10 @@ def ways_to(scene: Scene, circling: Circling, goal: FloatArray) -> list[Way]:
     circling : Circling
         Where the aircraft is.
     goal : ndarray, shape (3,)
-        Centre of the circle in which the way ends [m].
+        Centre of the circle in which the path ends [m].
     """
     centre, found = circling.centre, []
-    across = np.array([centre[1] - goal[1], goal[0] - centre[0]])  # to the left, as long as the way
+    across = np.array([centre[1] - goal[1], goal[0] - centre[0]])  # to the left, as long as the path
     for offset in OFFSETS:
         middle = 0.5 * (centre[:2] + goal[:2]) + offset * across
         towards = middle - centre[:2]
@@ -91,35 +91,37 @@ def ways_to(scene: Scene, circling: Circling, goal: FloatArray) -> list[Way]:
                 steps = np.hypot(*np.diff(profile[:, :2], axis=0).T) / scene.speed_m_s
                 after = np.concatenate([[0.0], np.cumsum(steps)])
                 rows = entering_circle(np.column_stack([after, profile]), scene.radius_m)
-                found.append(Way(angle, rows, rows[-1, 0] + LEVEL_COST_S * abs(level - goal[2]) / 50.0))
+                found.append(
+                    CandidatePath(angle, rows, rows[-1, 0] + LEVEL_COST_S * abs(level - goal[2]) / 50.0)
+                )
     return found
 
 
-def candidates(circling: Circling, ways: list[Way], leaves_after_s: float) -> Iterator[FloatArray]:
-    """Go through ways and the times at which they can be flown, the one that costs least first.
+def candidates(circling: Circling, paths: list[CandidatePath], leaves_after_s: float) -> Iterator[FloatArray]:
+    """Go through paths and the times at which they can be flown, the one that costs least first.
 
     Parameters
     ----------
     circling : Circling
         Where the aircraft is.
-    ways : list of Way
-        The ways.
+    paths : list of CandidatePath
+        The paths.
     leaves_after_s : float
         The aircraft stays in its circle until then [s].
 
     Returns
     -------
     iterator of ndarray, each of shape (M, 4)
-        Time [s], east, north, up [m] of a way.
+        Time [s], east, north, up [m] of a path.
     """
     turn_s = 2.0 * math.pi / circling.rate_rad_s
     found = [
-        (circling.passes(way.angle_rad, leaves_after_s) + turns * turn_s, way)
-        for way in ways
+        (circling.passes(path.angle_rad, leaves_after_s) + turns * turn_s, path)
+        for path in paths
         for turns in TURNS
     ]
-    for leaves_s, way in sorted(found, key=lambda each: each[0] + each[1].cost_s):
-        yield way.rows + np.array([leaves_s, 0.0, 0.0, 0.0])
+    for leaves_s, path in sorted(found, key=lambda each: each[0] + each[1].cost_s):
+        yield path.rows + np.array([leaves_s, 0.0, 0.0, 0.0])
 
 
 def _with_heights(places: FloatArray, ups: tuple[float, float, float], climb: float) -> FloatArray | None:
@@ -140,11 +142,11 @@ def _with_heights(places: FloatArray, ups: tuple[float, float, float], climb: fl
 def first_clear(
     scene: Scene,
     circling: Circling,
-    ways: Iterable[FloatArray],
+    paths: Iterable[FloatArray],
     against: tuple[SharedPlan, ...],
     now_s: float,
 ) -> SharedPlan | None:
-    """Return the first way that keeps clear of others, as a plan that begins now; None if none does.
+    """Return the first path that keeps clear of others, as a plan that begins now; None if none does.
 
     Parameters
     ----------
@@ -152,16 +154,16 @@ def first_clear(
         The team.
     circling : Circling
         Where the aircraft is.
-    ways : iterable of ndarray, each of shape (M, 4)
-        UTC time [s], east, north, up [m] of each way.
+    paths : iterable of ndarray, each of shape (M, 4)
+        UTC time [s], east, north, up [m] of each path.
     against : tuple of SharedPlan
         The plans of others.
     now_s : float
         UTC time [s].
     """
     packed = PackedPlans(against, scene.settings)
-    for way in ways:
-        rows = np.vstack([[now_s, *circling.centre], way])
+    for path in paths:
+        rows = np.vstack([[now_s, *circling.centre], path])
         plan = SharedPlan(
             0, 0, rows, scene.radius_m, scene.tolerance_m + ROUNDING_M, scene.tolerance_up_m + ROUNDING_UP_M,
             first_radius_m=scene.radius_m,

@@ -1,4 +1,4 @@
-"""Flies a team: everybody agrees on its circle, then on a way to its goal."""
+"""Flies a team: everybody agrees on its circle, then on a path to its goal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.team.agreement import Agreement, Outcome
 from companion.team.shared_plan import SharedPlan
-from .candidates import Circling, Way, candidates, first_clear, ways_to
+from .candidates import CandidatePath, Circling, candidates, first_clear, paths_to
 from .scenes import FRAME, Scene, starts_and_goals
 from .team_radio import TeamRadio
 from .true_distances import STEP_S, Flown, pairs_lost, true_places
@@ -34,7 +34,7 @@ class RunRow:
     pairs_lost : int
         Pairs that lost their separation.
     blocked : int
-        Aircraft that had no agreed way to their goal at the end.
+        Aircraft that had no agreed path to their goal at the end.
     flight_s : float
         Duration of the flight [s].
     bytes_s, bytes_s_max : float
@@ -44,7 +44,7 @@ class RunRow:
     late_s : float
         Mean time by which an arrival was later than that of a straight flight at once [s].
     proposals, refused, withdrawn : int
-        Proposals of ways, and those that were refused, also at once by the proposer, or withdrawn.
+        Proposals of paths, and those that were refused, also at once by the proposer, or withdrawn.
     counted_lost : int
         Pairs of which one counted the other lost at the end.
     wall_s : float
@@ -77,8 +77,8 @@ class TeamMember:
         self.agreement = Agreement(
             index + 1, range(1, scene.num_aircraft + 1), FRAME, scene.settings, started_s=BEGIN_S
         )
-        self.circling, self.ways = circling, ways_to(scene, circling, goal)
-        self.way: FloatArray | None = None
+        self.circling, self.paths = circling, paths_to(scene, circling, goal)
+        self.path: FloatArray | None = None
         self.proposals = self.refused = self.withdrawn = 0
         self.agreed_s = np.nan
         self._scene, self._rng = scene, rng
@@ -88,13 +88,13 @@ class TeamMember:
 
     @property
     def arrives_s(self) -> float:
-        """When it is in its last circle; infinity as long as no way is agreed [s]."""
-        return np.inf if self.way is None else float(self.way[-1, 0])
+        """When it is in its last circle; infinity as long as no path is agreed [s]."""
+        return np.inf if self.path is None else float(self.path[-1, 0])
 
     def think(self, now_s: float) -> None:
         """Note what became of a proposal, and make another if one is wanted."""
         outcome = self.agreement.outcome()
-        if self.way is not None or outcome is Outcome.PENDING:
+        if self.path is not None or outcome is Outcome.PENDING:
             return
         if self._proposed is not None:
             self._note(outcome, now_s)
@@ -112,7 +112,7 @@ class TeamMember:
         elif not self._is_circle_agreed:
             self._is_circle_agreed = True
         else:
-            self.way = plan.rows[1:] - np.array([BEGIN_S, 0.0, 0.0, 0.0])
+            self.path = plan.rows[1:] - np.array([BEGIN_S, 0.0, 0.0, 0.0])
             self.agreed_s = now_s - proposed_s
 
     def _propose(self, now_s: float) -> None:
@@ -127,9 +127,9 @@ class TeamMember:
             known = {other.member for other in against} | self.agreement.members_lost(utc_s)
             if len(known) < scene.num_aircraft - 1:
                 return  # Somebody is in a circle that is not known.
-            ways = candidates(self.circling, self.ways, now_s + LEAD_S)
-            utc_ways = (way + np.array([BEGIN_S, 0.0, 0.0, 0.0]) for way in ways)
-            found = first_clear(scene, self.circling, utc_ways, against, utc_s)
+            paths = candidates(self.circling, self.paths, now_s + LEAD_S)
+            utc_paths = (path + np.array([BEGIN_S, 0.0, 0.0, 0.0]) for path in paths)
+            found = first_clear(scene, self.circling, utc_paths, against, utc_s)
             if found is None:
                 self.refused += 1
                 return
@@ -169,9 +169,9 @@ def fly(seed: int, scene: Scene) -> RunRow:
     ]
     radio = TeamRadio(scene, STEP_S, rng)
     now_s = _pass_time(scene, members, radio)
-    flown = [Flown(member.circling, member.way) for member in members]
-    arrived = [member for member in members if member.way is not None]
-    late_s = [member.arrives_s - float(_straight(member.circling, member.ways)[-1, 0]) for member in arrived]
+    flown = [Flown(member.circling, member.path) for member in members]
+    arrived = [member for member in members if member.path is not None]
+    late_s = [member.arrives_s - float(_straight(member.circling, member.paths)[-1, 0]) for member in arrived]
     return RunRow(
         seed, scene.num_aircraft, True, len(_pairs_lost(scene, flown, now_s, rng)), now_s,
         blocked=len(members) - len(arrived),
@@ -227,9 +227,9 @@ def fly_straight(seed: int, scene: Scene) -> RunRow:
     rng = np.random.default_rng(seed)
     circlings, goals = _drawn(scene, rng)
     pairs = zip(circlings, goals, strict=True)
-    ways = [_straight(circling, ways_to(scene, circling, goal)) for circling, goal in pairs]
-    flown = [Flown(circling, way) for circling, way in zip(circlings, ways, strict=True)]
-    end_s = max(way[-1, 0] for way in ways) + 10.0
+    paths = [_straight(circling, paths_to(scene, circling, goal)) for circling, goal in pairs]
+    flown = [Flown(circling, path) for circling, path in zip(circlings, paths, strict=True)]
+    end_s = max(path[-1, 0] for path in paths) + 10.0
     lost = _pairs_lost(scene, flown, end_s, rng)
     wall_s = round(time.perf_counter() - began_s, 2)
     return RunRow(seed, scene.num_aircraft, False, len(lost), flight_s=float(end_s), wall_s=wall_s)
@@ -243,9 +243,9 @@ def _drawn(scene: Scene, rng: np.random.Generator) -> tuple[list[Circling], Floa
     return [Circling(start, float(angle), rate) for start, angle in zip(starts, angles, strict=True)], goals
 
 
-def _straight(circling: Circling, ways: list[Way]) -> FloatArray:
-    """Return the way that costs least if nobody is in it, from time zero on, (M, 4) [s, m]."""
-    return next(candidates(circling, ways, 0.0))
+def _straight(circling: Circling, paths: list[CandidatePath]) -> FloatArray:
+    """Return the path that costs least if nobody is in it, from time zero on, (M, 4) [s, m]."""
+    return next(candidates(circling, paths, 0.0))
 
 
 def _pairs_lost(

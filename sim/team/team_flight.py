@@ -204,7 +204,7 @@ class Free:
     apart_m : float
         The way from it to its circle is this far from those of other members [m].
     taken : list of shapely.LineString
-        The ways of the members that have a place.
+        The paths of the members that have a place.
     """
 
     clear_m: float

@@ -7,7 +7,7 @@ from companion.config import mission_from_text
 from companion.errors import ConfigError
 from companion.mission_files.exchange_files import READERS
 from companion.mission_files.formats.foreign_file import BYTES_MAX
-from companion.mission_files.found_places import Intake
+from companion.mission_files.found_places import Importer
 from companion.mission_files.mission_composition import Wishes, composed
 from companion.mission_files.mission_text import text_of_mission
 from tests.fuzz.targets import Target, Work, promise
@@ -21,20 +21,20 @@ WISHES = Wishes("fuzzed", home=HOME)
 def taken_from(data):
     """What a file has."""
     ending = ENDINGS[data[0] % len(ENDINGS)] if data else ENDINGS[0]
-    intake = Intake(f"fuzzed{ending}")
-    READERS[ending](intake, data[1:])
-    return intake
+    importer = Importer(f"fuzzed{ending}")
+    READERS[ending](importer, data[1:])
+    return importer
 
 
 def check_import(data):
     try:
-        intake = taken_from(data)
-        text = text_of_mission(composed([intake], WISHES), WISHES, "fuzzed")
+        importer = taken_from(data)
+        text = text_of_mission(composed([importer], WISHES), WISHES, "fuzzed")
     except ConfigError as error:
         promise(error.key and error.expected, "an error that says nothing")
         return
-    for remark in intake.remarks:
-        promise(remark.startswith(intake.file), "a remark that does not name its file")
+    for remark in importer.remarks:
+        promise(remark.startswith(importer.file), "a remark that does not name its file")
     try:
         mission = mission_from_text(text, "fuzzed.yaml")
     except ConfigError as error:

@@ -234,8 +234,8 @@ class _Conversion:
 
     def _one_way(self, path: KeyPath, section: dict[str, object]) -> None:
         """Check that a place is given in one way only."""
-        ways = [[key for key in keys if key in section] for keys in (METRES, DEGREES, (UTM,))]
-        given = [way[0] for way in ways if way]
+        notations = [[key for key in keys if key in section] for keys in (METRES, DEGREES, (UTM,))]
+        given = [way[0] for way in notations if way]
         if len(given) > 1:
             raise self._document.error(
                 (*path, given[1]), f"left out, since {given[0]} is given: a place is written in one way"

@@ -102,8 +102,8 @@ def respond(
     decision = emergency_decision(options)
     if decision.step is EmergencyStep.LOITER and loiter is not None:
         decision = decision._replace(reason=decision.reason + _goals_before(state, loiter.path))
-    ways = {EmergencyStep.LEAST_THREAT: straight_on, EmergencyStep.LOITER: loiter}
-    return Response(decision, options, ways.get(decision.step))
+    by_step = {EmergencyStep.LEAST_THREAT: straight_on, EmergencyStep.LOITER: loiter}
+    return Response(decision, options, by_step.get(decision.step))
 
 
 def respond_by_rally_point(

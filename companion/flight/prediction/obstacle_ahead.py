@@ -1,4 +1,4 @@
-"""Whether the aircraft meets something on what it flies next, when, and which ways out are clear."""
+"""Whether the aircraft meets something on what it flies next, when, and which escapes are clear."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from companion.frames import FloatArray
 from companion.tracking.ownship import predicted
 from companion.types.state import Ownship
 
-WAY_OUT_BANK_SHARE = 0.7  # A pilot turns with this share of the largest bank.
-WAY_OUT_DELAY_S = 1.0  # The aircraft flies on for this time until a pilot has reacted.
+ESCAPE_BANK_SHARE = 0.7  # A pilot turns with this share of the largest bank.
+ESCAPE_DELAY_S = 1.0  # The aircraft flies on for this time until a pilot has reacted.
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +30,18 @@ class ObstacleAhead:
         Name of the obstacle or fence.
     after_s : float
         Time until the aircraft comes too near to it [s].
-    ways_out : tuple of str
+    escapes : tuple of str
         What the pilot can do: ``climb``, ``turn left``, ``turn right``, those that keep clear.
     """
 
     name: str
     after_s: float
-    ways_out: tuple[str, ...]
+    escapes: tuple[str, ...]
 
     @property
     def advice(self) -> str:
-        """The ways out in words."""
-        words = " or ".join(self.ways_out).replace("turn left or turn right", "turn")
+        """The escapes in words."""
+        words = " or ".join(self.escapes).replace("turn left or turn right", "turn")
         return words or "no way out is clear"
 
 
@@ -66,7 +66,7 @@ def obstacle_ahead(state: FlightState, ownship: Ownship, tracks: ModeTracks) -> 
         return None
     first = min(found, key=lambda entry: entry.row)
     name = first.detail.removeprefix("distance to ").partition(" [")[0]
-    return ObstacleAhead(name, STEP_S * first.row, _ways_out(state, ownship))
+    return ObstacleAhead(name, STEP_S * first.row, _escapes(state, ownship))
 
 
 def is_clear(state: FlightState, positions_enu_m: FloatArray) -> bool:
@@ -98,13 +98,13 @@ def first_met(state: FlightState, places: FloatArray) -> Violation | None:
     return min(near, key=lambda entry: entry.row, default=None)
 
 
-def _ways_out(state: FlightState, ownship: Ownship) -> tuple[str, ...]:
+def _escapes(state: FlightState, ownship: Ownship) -> tuple[str, ...]:
     """Return which of climbing straight on and turning to either side keep clear."""
     guidance = guidance_of(state)
-    begun = predicted(ownship, WAY_OUT_DELAY_S)
-    bank = WAY_OUT_BANK_SHARE * guidance.bank_max_rad
+    begun = predicted(ownship, ESCAPE_DELAY_S)
+    bank = ESCAPE_BANK_SHARE * guidance.bank_max_rad
     climb = math.atan2(guidance.climb_rate_max_m_s, max(begun.ground_speed_m_s, 1.0))
-    ways = {
+    manoeuvres = {
         "climb": replace(begun, bank_rad=0.0, flight_path_angle_rad=climb),
         "turn left": replace(begun, bank_rad=-bank, flight_path_angle_rad=0.0),
         "turn right": replace(begun, bank_rad=bank, flight_path_angle_rad=0.0),
@@ -112,6 +112,6 @@ def _ways_out(state: FlightState, ownship: Ownship) -> tuple[str, ...]:
     times = np.arange(0.0, AHEAD_S, STEP_S)
     return tuple(
         words
-        for words, state_then in ways.items()
+        for words, state_then in manoeuvres.items()
         if is_clear(state, np.array([predicted(state_then, float(time)).position_enu_m for time in times]))
     )

@@ -30,7 +30,7 @@ from companion.kernels.objective.row_costs import (
     Objective,
     collision_price,
     exposure,
-    lack_of_room,
+    lack_of_clearance,
     prism_clearance_up_to,
 )
 from companion.kernels.threat.pursuit_game import pop_least, push
@@ -91,7 +91,7 @@ def fill_rate(field: CostField, objective: Objective, enough: float) -> None:
                 if free < margin:
                     rate[i, j, k] = math.inf
                     continue
-                cost = 1.0 + prices.near * lack_of_room(x, y, z, from_prisms, objective)
+                cost = 1.0 + prices.near * lack_of_clearance(x, y, z, from_prisms, objective)
                 if prices.seen > 0.0:
                     cost += prices.seen * exposure(x, y, z, objective.threats)
                 cost += collision_price(free, objective.start, objective) / objective.limits.tau

@@ -165,7 +165,7 @@ def collision_price(free: float, time: float, objective: Objective) -> float:
 
 
 @inlined
-def lack_of_room(x: float, y: float, z: float, from_prisms: float, objective: Objective) -> float:
+def lack_of_clearance(x: float, y: float, z: float, from_prisms: float, objective: Objective) -> float:
     """N of J: 0 where nothing is near, 1 at a prism or at the lowest height over ground.
 
     ``from_prisms`` is the clearance from prisms [m].
@@ -195,7 +195,7 @@ def row_cost(state: Float1D, time: float, dt: float, danger: float, objective: O
     rate = 1.0 + prices.energy * energy_excess(state[5], prices) + prices.pursued * danger
     if prices.seen > 0.0:
         rate += prices.seen * exposure(x, y, z, objective.threats)
-    rate += prices.near * lack_of_room(x, y, z, from_prisms, objective)
+    rate += prices.near * lack_of_clearance(x, y, z, from_prisms, objective)
     return rate * dt + collision_price(free, time, objective)
 
 

@@ -362,13 +362,13 @@ def open_ground(options: GlideOptions, begin: Begin) -> LandingChoice | None:
         reach = options.model.reach_m(height, course, begin.wind_enu_m_s)
         for share in OPEN_SHARES:
             at = east + share * reach * math.sin(course), north + share * reach * math.cos(course)
-            room = min(CLEAR_OF_PEOPLE_M, *_distances(options, at))
-            if room > 0.0:
+            clearance_m = min(CLEAR_OF_PEOPLE_M, *_distances(options, at))
+            if clearance_m > 0.0:
                 place = LandingPlace("open ground", (*at, options.ground_up_m(*at)), OPEN_RADIUS_M)
                 is_steep = options.ground is not None and not is_level(
                     options.ground, place.position_enu_m, OPEN_RADIUS_M
                 )
-                rated.append((is_steep, -room, number, -share, place))
+                rated.append((is_steep, -clearance_m, number, -share, place))
     for *_, place in sorted(rated, key=lambda entry: entry[:4]):
         found = choice_for(options, begin, place)
         if found is not None:

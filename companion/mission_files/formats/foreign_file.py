@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from companion.errors import ConfigError
-from companion.mission_files.found_places import Intake
+from companion.mission_files.found_places import Importer
 from companion.safe_files import read_file
 
 BYTES_MAX = 20_000_000
@@ -35,7 +35,7 @@ def foreign_bytes(path: Path) -> bytes:
     return data
 
 
-def foreign_text(intake: Intake, data: bytes) -> str:
+def foreign_text(importer: Importer, data: bytes) -> str:
     """Return the text of a file in UTF-8, from its first line that is not empty.
 
     Raises
@@ -46,13 +46,13 @@ def foreign_text(intake: Intake, data: bytes) -> str:
     try:
         text = data.decode("utf-8-sig").lstrip()
     except UnicodeDecodeError:
-        raise intake.error("file", "bytes that are not UTF-8", "a text file in UTF-8") from None
+        raise importer.error("file", "bytes that are not UTF-8", "a text file in UTF-8") from None
     if not text:
-        raise intake.error("file", "nothing", "a file with content")
+        raise importer.error("file", "nothing", "a file with content")
     return text
 
 
-def json_document(intake: Intake, data: bytes) -> dict[str, object]:
+def json_document(importer: Importer, data: bytes) -> dict[str, object]:
     """Return a JSON object.
 
     Raises
@@ -62,22 +62,22 @@ def json_document(intake: Intake, data: bytes) -> dict[str, object]:
     """
 
     def refuse(constant: str) -> NoReturn:
-        raise intake.error("file", constant, "finite numbers, as JSON has them")
+        raise importer.error("file", constant, "finite numbers, as JSON has them")
 
     try:
-        document = json.loads(foreign_text(intake, data), parse_constant=refuse)
+        document = json.loads(foreign_text(importer, data), parse_constant=refuse)
     except json.JSONDecodeError as error:
-        raise intake.error("syntax", error.msg, "whole and valid JSON", error.lineno) from None
+        raise importer.error("syntax", error.msg, "whole and valid JSON", error.lineno) from None
     except RecursionError:
-        raise intake.error("syntax", "deep nesting", "few levels of brackets") from None
+        raise importer.error("syntax", "deep nesting", "few levels of brackets") from None
     except ValueError:  # A number has more digits than Python converts.
-        raise intake.error("syntax", "a number of thousands of digits", "valid JSON") from None
+        raise importer.error("syntax", "a number of thousands of digits", "valid JSON") from None
     if not isinstance(document, dict):
-        raise intake.error("file", type(document).__name__, "a JSON object, in braces")
+        raise importer.error("file", type(document).__name__, "a JSON object, in braces")
     return document
 
 
-def xml_root(intake: Intake, data: bytes) -> ET.Element:
+def xml_root(importer: Importer, data: bytes) -> ET.Element:
     """Return the root of an XML document; tags have no namespace.
 
     A document type is refused, since only that can declare entities: one that multiplies itself would fill
@@ -94,14 +94,16 @@ def xml_root(intake: Intake, data: bytes) -> ET.Element:
 
     def refuse(*_: object) -> NoReturn:
         line = parser.CurrentLineNumber
-        raise intake.error("file", "a document type (DOCTYPE)", "XML without one: no entities are read", line)
+        raise importer.error(
+            "file", "a document type (DOCTYPE)", "XML without one: no entities are read", line
+        )
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth, count
         depth, count = depth + 1, count + 1
         if depth > _DEPTH_MAX or count > _ELEMENTS_MAX:
             expected = f"at most {_DEPTH_MAX} levels and {_ELEMENTS_MAX} elements"
-            raise intake.error("file", "more elements", expected, parser.CurrentLineNumber)
+            raise importer.error("file", "more elements", expected, parser.CurrentLineNumber)
         builder.start(_local(tag), {_local(name): value for name, value in attributes.items()})
 
     def end(tag: str) -> None:
@@ -117,7 +119,7 @@ def xml_root(intake: Intake, data: bytes) -> ET.Element:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         words = expat.ErrorString(error.code)
-        raise intake.error("syntax", words, "whole and valid XML", error.lineno) from None
+        raise importer.error("syntax", words, "whole and valid XML", error.lineno) from None
     return builder.close()
 
 

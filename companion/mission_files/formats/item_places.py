@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from companion.mission_files.found_places import Degrees, Intake, Kind
+from companion.mission_files.found_places import Degrees, Importer, Kind
 from companion.types.mavlink_enums import Command, MavFrame, name_of
 
 _OVER_SEA = (MavFrame.GLOBAL, MavFrame.GLOBAL_INT)
@@ -48,7 +48,7 @@ class Item:
     altitude: object
 
 
-def take_items(intake: Intake, items: Sequence[Item]) -> None:
+def take_items(importer: Importer, items: Sequence[Item]) -> None:
     """Take the places of a list of items.
 
     Raises
@@ -59,18 +59,18 @@ def take_items(intake: Intake, items: Sequence[Item]) -> None:
     following = iter(items)
     for item in following:
         if item.command in _POLYGONS:
-            _take_polygon(intake, item, following)
+            _take_polygon(importer, item, following)
         elif item.command in _CIRCLES:
-            radius = intake.number(f"{item.label} radius", item.parameters[0], 0.1, 1e5)
+            radius = importer.number(f"{item.label} radius", item.parameters[0], 0.1, 1e5)
             kind = _CIRCLES[Command(item.command)]
-            intake.add(kind, [_place(intake, item)], "", {"radius_m": radius}, item.label)
+            importer.add(kind, [_place(importer, item)], "", {"radius_m": radius}, item.label)
         elif item.command == Command.NAV_RALLY_POINT:
-            intake.add(Kind.FIELD, [_place(intake, item)], "", {}, item.label)
+            importer.add(Kind.FIELD, [_place(importer, item)], "", {}, item.label)
         elif item.command in (*_GOALS, *_LOITERS, *_TAKEOFFS):
-            _take_point(intake, item)
+            _take_point(importer, item)
         else:
             words = _REASONS.get(item.command, "a mission file has no such command")  # type: ignore[call-overload]
-            intake.leave(_title(item), item.label, words)
+            importer.leave(_title(item), item.label, words)
 
 
 def _title(item: Item) -> str:
@@ -78,48 +78,50 @@ def _title(item: Item) -> str:
     return f"command {item.command}" if name.startswith("result") else f"{name} ({item.command})"
 
 
-def _take_polygon(intake: Intake, first: Item, following: Iterator[Item]) -> None:
+def _take_polygon(importer: Importer, first: Item, following: Iterator[Item]) -> None:
     """Take a polygon whose vertices are items; each says how many there are."""
-    count = int(intake.number(f"{first.label} vertices", first.parameters[0], 3, 10_000))
-    corners = [_place(intake, first)]
+    count = int(importer.number(f"{first.label} vertices", first.parameters[0], 3, 10_000))
+    corners = [_place(importer, first)]
     while len(corners) < count:
         item = next(following, None)
         if item is None or item.command != first.command:
             found = f"{len(corners)} of {count} vertices"
-            raise intake.error(first.label, found, "all vertices of the polygon, one after the other")
-        corners.append(_place(intake, item))
-    intake.add(_POLYGONS[Command(first.command)], corners, "", {}, first.label)
+            raise importer.error(first.label, found, "all vertices of the polygon, one after the other")
+        corners.append(_place(importer, item))
+    importer.add(_POLYGONS[Command(first.command)], corners, "", {}, first.label)
 
 
-def _place(intake: Intake, item: Item) -> Degrees:
-    return intake.degrees(item.label, item.latitude, item.longitude)
+def _place(importer: Importer, item: Item) -> Degrees:
+    return importer.degrees(item.label, item.latitude, item.longitude)
 
 
-def _take_point(intake: Intake, item: Item) -> None:
+def _take_point(importer: Importer, item: Item) -> None:
     """Take a waypoint, a loiter or a take-off, with its height."""
     if item.frame not in (*_OVER_SEA, *_OVER_HOME):
         reason = f"its height is in frame {item.frame}, over terrain; give it over home or the sea"
-        intake.leave(_title(item), item.label, reason)
+        importer.leave(_title(item), item.label, reason)
         return
     key = "altitude_amsl_m" if item.frame in _OVER_SEA else "up_m"
     values: dict[str, object] = {
-        key: intake.number(f"{item.label} altitude", item.altitude, -1_000.0, 20_000.0)
+        key: importer.number(f"{item.label} altitude", item.altitude, -1_000.0, 20_000.0)
     }
-    place = intake.degrees(item.label, item.latitude or 0.0, item.longitude or 0.0)
+    place = importer.degrees(item.label, item.latitude or 0.0, item.longitude or 0.0)
     if item.command in _TAKEOFFS:
-        intake.add(Kind.TAKEOFF, [place], "", values, item.label)
+        importer.add(Kind.TAKEOFF, [place], "", values, item.label)
     elif place == (0.0, 0.0):  # To an autopilot: where it is.
-        intake.leave(_title(item), item.label, "it has no place")
+        importer.leave(_title(item), item.label, "it has no place")
     else:
-        intake.add(Kind.GOAL, [place], "", values | _goal_values(intake, item), item.label)
+        importer.add(Kind.GOAL, [place], "", values | _goal_values(importer, item), item.label)
 
 
-def _goal_values(intake: Intake, item: Item) -> dict[str, object]:
+def _goal_values(importer: Importer, item: Item) -> dict[str, object]:
     """Return the acceptance radius of a waypoint; what a goal does not do is remarked."""
     if item.command in _LOITERS:
-        intake.remark(f"{item.label} {_title(item)}", "taken as a point to reach; the circling is not taken")
+        importer.remark(
+            f"{item.label} {_title(item)}", "taken as a point to reach; the circling is not taken"
+        )
         return {}
-    hold, radius = (intake.number(item.label, item.parameters[n] or 0.0) for n in (0, 1))
+    hold, radius = (importer.number(item.label, item.parameters[n] or 0.0) for n in (0, 1))
     if hold > 0.0:
-        intake.remark(item.label, f"the hold of {hold:g} s is not taken: fixed wings do not stop")
+        importer.remark(item.label, f"the hold of {hold:g} s is not taken: fixed wings do not stop")
     return {"acceptance_radius_m": radius} if radius > 0.0 else {}

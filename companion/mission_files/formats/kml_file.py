@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 from companion.mission_files.formats.foreign_file import BYTES_MAX, xml_root
-from companion.mission_files.found_places import AREAS, Degrees, FoundPlace, Intake, Kind, kind_named
+from companion.mission_files.found_places import AREAS, Degrees, FoundPlace, Importer, Kind, kind_named
 
 _FOLDERS = ("Document", "Folder", "kml")
 _GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "MultiGeometry")
@@ -28,7 +28,7 @@ _HEIGHTS = {"up_m", "altitude_amsl_m", "top_m", "top_amsl_m", "height_m", "heigh
 _HINT = "no property kind, and no folder such as Obstacles, Fence, Radars or Goals, says what it is"
 
 
-def take_kmz(intake: Intake, data: bytes) -> None:
+def take_kmz(importer: Importer, data: bytes) -> None:
     """Take the first KML document of a KMZ archive.
 
     Raises
@@ -41,19 +41,19 @@ def take_kmz(intake: Intake, data: bytes) -> None:
             members = archive.infolist()
             documents = [member for member in members if member.filename.lower().endswith(".kml")]
             if not documents or len(members) > _MEMBERS_MAX:
-                raise intake.error("file", f"{len(members)} members", "an archive with a KML document")
+                raise importer.error("file", f"{len(members)} members", "an archive with a KML document")
             for member in documents[1:]:
-                intake.leave("document", member.filename, "the first KML document of an archive counts")
+                importer.leave("document", member.filename, "the first KML document of an archive counts")
             with archive.open(documents[0]) as member_file:
                 content = member_file.read(BYTES_MAX + 1)
     except (*_BROKEN_ARCHIVE, OSError, ValueError) as error:  # An offset before its begin raises ValueError.
-        raise intake.error("file", str(error), "a whole KMZ archive without a password") from None
+        raise importer.error("file", str(error), "a whole KMZ archive without a password") from None
     if len(content) > BYTES_MAX:
-        raise intake.error("file", documents[0].filename, f"at most {BYTES_MAX} bytes")
-    take_kml(intake, content)
+        raise importer.error("file", documents[0].filename, f"at most {BYTES_MAX} bytes")
+    take_kml(importer, content)
 
 
-def take_kml(intake: Intake, data: bytes) -> None:
+def take_kml(importer: Importer, data: bytes) -> None:
     """Take the placemarks of a KML document.
 
     Raises
@@ -61,25 +61,25 @@ def take_kml(intake: Intake, data: bytes) -> None:
     ConfigError
         If it is broken, or a value in it is wrong.
     """
-    root = xml_root(intake, data)
+    root = xml_root(importer, data)
     if root.tag != "kml":
-        raise intake.error("file", f"<{root.tag}>", "<kml>")
-    _take_folder(intake, root, None)
+        raise importer.error("file", f"<{root.tag}>", "<kml>")
+    _take_folder(importer, root, None)
 
 
-def _take_folder(intake: Intake, folder: ET.Element, kind: Kind | None) -> None:
+def _take_folder(importer: Importer, folder: ET.Element, kind: Kind | None) -> None:
     """Take a folder; its name may say the kind of all that it holds."""
     kind = kind_named(folder.findtext("name", "")) or kind
     for child in folder:
         if child.tag in _FOLDERS:
-            _take_folder(intake, child, kind)
+            _take_folder(importer, child, kind)
         elif child.tag == "Placemark":
-            _take_placemark(intake, child, kind)
+            _take_placemark(importer, child, kind)
         elif child.tag in _NOT_TAKEN:
-            intake.leave(f"<{child.tag}>", child.findtext("name", ""), "it is no place")
+            importer.leave(f"<{child.tag}>", child.findtext("name", ""), "it is no place")
 
 
-def _take_placemark(intake: Intake, placemark: ET.Element, folder_kind: Kind | None) -> None:
+def _take_placemark(importer: Importer, placemark: ET.Element, folder_kind: Kind | None) -> None:
     name = " ".join(placemark.findtext("name", "").split())
     properties = _properties(placemark)
     written = properties.pop("kind", None)
@@ -89,14 +89,14 @@ def _take_placemark(intake: Intake, placemark: ET.Element, folder_kind: Kind | N
         kind = kind_named(written)
         name = "" if name == written else name  # Export names a place so that has no name.
         if kind is None:
-            intake.leave(f"placemark of kind {written!r}", name, "a mission file has no such kind")
+            importer.leave(f"placemark of kind {written!r}", name, "a mission file has no such kind")
             return
     parts = [child for child in placemark if child.tag in (*_GEOMETRIES, *_NOT_TAKEN)]
     if not parts:
-        intake.leave("placemark", name, "it has no geometry")
+        importer.leave("placemark", name, "it has no geometry")
     label = f"placemark {placemark.get('id', '')}".strip()
     for part in parts:
-        _take_geometry(intake, part, kind, (name, properties, label))
+        _take_geometry(importer, part, kind, (name, properties, label))
 
 
 def _properties(placemark: ET.Element) -> dict[str, str]:
@@ -117,45 +117,45 @@ def _by_first_word(name: str) -> Kind | None:
 
 
 def _take_geometry(
-    intake: Intake, geometry: ET.Element, kind: Kind | None, placemark: tuple[str, Mapping[str, str], str]
+    importer: Importer, geometry: ET.Element, kind: Kind | None, placemark: tuple[str, Mapping[str, str], str]
 ) -> None:
     """Take a geometry, or each part of one that has parts."""
     name = placemark[0]
     if geometry.tag == "MultiGeometry":
         for part in geometry:
-            _take_geometry(intake, part, kind, placemark)
+            _take_geometry(importer, part, kind, placemark)
     elif geometry.tag not in _GEOMETRIES:
-        intake.leave(f"<{geometry.tag}>", name, "it is no place")
+        importer.leave(f"<{geometry.tag}>", name, "it is no place")
     else:
-        _take_shape(intake, geometry, kind, placemark)
+        _take_shape(importer, geometry, kind, placemark)
 
 
 def _take_shape(
-    intake: Intake, geometry: ET.Element, kind: Kind | None, placemark: tuple[str, Mapping[str, str], str]
+    importer: Importer, geometry: ET.Element, kind: Kind | None, placemark: tuple[str, Mapping[str, str], str]
 ) -> None:
     """Take a point, a line or a polygon."""
     name, properties, label = placemark
-    corners, heights = _coordinates(intake, geometry, f"{label} {name}".strip())
+    corners, heights = _coordinates(importer, geometry, f"{label} {name}".strip())
     mode = geometry.findtext("altitudeMode", "clampToGround")
     # A polygon at a height is a building, as one draws it: a roof.
     is_roof = geometry.tag == "Polygon" and bool(heights) and mode in _HEIGHT_MODES
-    kind = kind or (Kind.OBSTACLE if is_roof else intake.default_kind)
+    kind = kind or (Kind.OBSTACLE if is_roof else importer.default_kind)
     if kind is None:
-        intake.leave(geometry.tag, name, _HINT)
+        importer.leave(geometry.tag, name, _HINT)
         return
-    values = _height(intake, kind, mode, heights) if _HEIGHTS.isdisjoint(properties) else {}
+    values = _height(importer, kind, mode, heights) if _HEIGHTS.isdisjoint(properties) else {}
     values |= properties
     if kind in AREAS or kind is Kind.MOVING_THREAT or len(corners) == 1:
-        _take_whole(intake, geometry, kind, corners, (name, values, label))
+        _take_whole(importer, geometry, kind, corners, (name, values, label))
     elif geometry.tag == "Polygon":
-        intake.leave(kind.value, name, "it is a point, and a polygon is given")
+        importer.leave(kind.value, name, "it is a point, and a polygon is given")
     else:
         for number, corner in enumerate(corners, 1):
-            intake.add(kind, [corner], f"{name} {number}".strip(), values, label)
+            importer.add(kind, [corner], f"{name} {number}".strip(), values, label)
 
 
 def _take_whole(
-    intake: Intake,
+    importer: Importer,
     geometry: ET.Element,
     kind: Kind,
     corners: Sequence[Degrees],
@@ -165,27 +165,27 @@ def _take_whole(
     name, values, label = placemark
     if kind is Kind.MOVING_THREAT and len(corners) > 1:
         values = {"behaviour": "drive"} | dict(values)
-    intake.add(kind, corners, name, values, label)
+    importer.add(kind, corners, name, values, label)
     for number, hole in enumerate(geometry.findall("innerBoundaryIs/LinearRing"), 1):
-        inner, _ = _coordinates(intake, hole, f"{label} {name}".strip())
+        inner, _ = _coordinates(importer, hole, f"{label} {name}".strip())
         if kind is Kind.FENCE:
-            intake.add(Kind.NO_FLY, inner, f"{name} hole {number}".strip(), {}, label)
+            importer.add(Kind.NO_FLY, inner, f"{name} hole {number}".strip(), {}, label)
         else:
-            intake.leave(f"hole {number}", name, "the area is taken as a whole")
+            importer.leave(f"hole {number}", name, "the area is taken as a whole")
 
 
-def _height(intake: Intake, kind: Kind, mode: str, heights_m: Sequence[float]) -> dict[str, object]:
+def _height(importer: Importer, kind: Kind, mode: str, heights_m: Sequence[float]) -> dict[str, object]:
     """Return the properties that heights in the coordinates stand for; on the ground they mean nothing."""
     if mode not in _HEIGHT_MODES or not heights_m or (kind in AREAS and kind is not Kind.OBSTACLE):
         return {}
     keys = ("top_amsl_m", "height_m") if kind is Kind.OBSTACLE else ("altitude_amsl_m", "up_m")
     if mode == "absolute":
         return {keys[0]: max(heights_m)}
-    intake.remark("heights relative to ground", "taken as heights over home")
+    importer.remark("heights relative to ground", "taken as heights over home")
     return {keys[1]: max(heights_m)}
 
 
-def _coordinates(intake: Intake, geometry: ET.Element, label: str) -> tuple[list[Degrees], list[float]]:
+def _coordinates(importer: Importer, geometry: ET.Element, label: str) -> tuple[list[Degrees], list[float]]:
     """Return the places of a geometry [deg], without those of holes, and the heights that are written [m]."""
     found = "outerBoundaryIs/LinearRing/coordinates" if geometry.tag == "Polygon" else "coordinates"
     text = geometry.findtext(found, "")
@@ -193,14 +193,14 @@ def _coordinates(intake: Intake, geometry: ET.Element, label: str) -> tuple[list
     for group in text.split():
         numbers = group.split(",")
         if len(numbers) not in (2, 3):
-            raise intake.error(
+            raise importer.error(
                 f"{label} coordinates", group, "longitude,latitude or longitude,latitude,height"
             )
-        corners.append(intake.degrees(label, numbers[1], numbers[0]))
+        corners.append(importer.degrees(label, numbers[1], numbers[0]))
         if len(numbers) == 3:
-            heights.append(intake.number(f"{label} height", numbers[2]))
+            heights.append(importer.number(f"{label} height", numbers[2]))
     if not corners:
-        raise intake.error(f"{label} coordinates", text.strip(), "at least one place")
+        raise importer.error(f"{label} coordinates", text.strip(), "at least one place")
     return corners, heights
 
 

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from companion.mission_files.formats.foreign_file import json_document
 from companion.mission_files.formats.geojson_file import feature_collection, take_features
 from companion.mission_files.formats.item_places import Item, take_items
-from companion.mission_files.found_places import FoundPlace, Intake, Kind
+from companion.mission_files.found_places import FoundPlace, Importer, Kind
 from companion.types.mavlink_enums import Command, MavFrame
 
 OWN_KEY = "safe_rrt_companion"
@@ -27,7 +27,7 @@ _RALLY_VERSIONS = (1, 2)  # They differ in the name of a key that is not needed.
 _ARDUPILOT, _FIXED_WING = 3, 1
 
 
-def take_plan(intake: Intake, data: bytes) -> None:
+def take_plan(importer: Importer, data: bytes) -> None:
     """Take the places of a plan.
 
     Raises
@@ -35,85 +35,85 @@ def take_plan(intake: Intake, data: bytes) -> None:
     ConfigError
         If it is broken, of another version, or a value in it is wrong.
     """
-    document = json_document(intake, data)
+    document = json_document(importer, data)
     if document.get("fileType") != "Plan":
-        raise intake.error("fileType", document.get("fileType"), "Plan, as QGroundControl writes it")
-    _check_version(intake, "version", document, PLAN_VERSION)
+        raise importer.error("fileType", document.get("fileType"), "Plan, as QGroundControl writes it")
+    _check_version(importer, "version", document, PLAN_VERSION)
     own = document.get(OWN_KEY)
     if isinstance(own, dict):
         if own.get("digest") == _digest(document) and isinstance(own.get("places"), dict):
-            take_features(intake, own["places"])
+            take_features(importer, own["places"])
             return
         words = "the plan was changed since; names, heights and radars in it are not taken"
-        intake.remark(f"key {OWN_KEY}", words)
-    mission = _section(intake, document, "mission")
-    _check_version(intake, "mission.version", mission, MISSION_VERSION)
-    _take_home(intake, mission)
+        importer.remark(f"key {OWN_KEY}", words)
+    mission = _section(importer, document, "mission")
+    _check_version(importer, "mission.version", mission, MISSION_VERSION)
+    _take_home(importer, mission)
     for key in ("cruiseSpeed", "hoverSpeed"):
         if mission.get(key):
-            intake.leave(f"mission.{key} {mission[key]}", "", "airspeeds are those of the section vehicle")
-    take_items(intake, list(_items(intake, mission.get("items"), "mission.items", "item ")))
+            importer.leave(f"mission.{key} {mission[key]}", "", "airspeeds are those of the section vehicle")
+    take_items(importer, list(_items(importer, mission.get("items"), "mission.items", "item ")))
     if document.get("geoFence") is not None:
-        _take_fence(intake, _section(intake, document, "geoFence"))
+        _take_fence(importer, _section(importer, document, "geoFence"))
     if document.get("rallyPoints") is not None:
-        _take_rally(intake, _section(intake, document, "rallyPoints"))
+        _take_rally(importer, _section(importer, document, "rallyPoints"))
 
 
-def _check_version(intake: Intake, key: str, section: Mapping[str, object], version: int) -> None:
+def _check_version(importer: Importer, key: str, section: Mapping[str, object], version: int) -> None:
     found = section.get("version", "nothing")
     if found != version:
         expected = f"{version}; QGroundControl converts other versions: open the plan there and save it"
-        raise intake.error(key, str(found), expected)
+        raise importer.error(key, str(found), expected)
 
 
-def _section(intake: Intake, document: Mapping[str, object], key: str) -> Mapping[str, object]:
+def _section(importer: Importer, document: Mapping[str, object], key: str) -> Mapping[str, object]:
     section = document.get(key)
     if not isinstance(section, dict):
-        raise intake.error(key, section, "an object, in braces")
+        raise importer.error(key, section, "an object, in braces")
     return section
 
 
-def _list(intake: Intake, value: object, key: str, size: int = 0) -> Sequence[object]:
+def _list(importer: Importer, value: object, key: str, size: int = 0) -> Sequence[object]:
     if not isinstance(value, list) or len(value) < size:
-        raise intake.error(key, value, f"a list of at least {size} values" if size else "a list")
+        raise importer.error(key, value, f"a list of at least {size} values" if size else "a list")
     return value
 
 
-def _take_home(intake: Intake, mission: Mapping[str, object]) -> None:
+def _take_home(importer: Importer, mission: Mapping[str, object]) -> None:
     home = mission.get("plannedHomePosition")
     if home is None:
         return
-    latitude, longitude, *rest = _list(intake, home, "mission.plannedHomePosition", 2)
+    latitude, longitude, *rest = _list(importer, home, "mission.plannedHomePosition", 2)
     values = {"altitude_amsl_m": rest[0]} if rest and rest[0] is not None else {}
-    place = intake.degrees("mission.plannedHomePosition", latitude, longitude)
-    intake.add(Kind.ORIGIN, [place], "", values, "planned home")
+    place = importer.degrees("mission.plannedHomePosition", latitude, longitude)
+    importer.add(Kind.ORIGIN, [place], "", values, "planned home")
 
 
-def _items(intake: Intake, value: object, key: str, label: str) -> Sequence[Item]:
+def _items(importer: Importer, value: object, key: str, label: str) -> Sequence[Item]:
     """Return simple items, with those that a survey was expanded to."""
     found: list[Item] = []
-    for index, item in enumerate(_list(intake, value, key)):
+    for index, item in enumerate(_list(importer, value, key)):
         where = f"{key}.{index}"
         if not isinstance(item, dict):
-            raise intake.error(where, item, "an item, in braces")
+            raise importer.error(where, item, "an item, in braces")
         if item.get("type") == "SimpleItem":
-            found.append(_simple(intake, item, where, f"{label}{index + 1}"))
+            found.append(_simple(importer, item, where, f"{label}{index + 1}"))
         elif item.get("type") == "ComplexItem":
-            found += _complex(intake, item, where, f"{label}{index + 1}")
+            found += _complex(importer, item, where, f"{label}{index + 1}")
         else:
-            raise intake.error(f"{where}.type", item.get("type"), "SimpleItem or ComplexItem")
+            raise importer.error(f"{where}.type", item.get("type"), "SimpleItem or ComplexItem")
     return found
 
 
-def _simple(intake: Intake, item: Mapping[str, object], where: str, label: str) -> Item:
-    parameters = _list(intake, item.get("params"), f"{where}.params", 7)
+def _simple(importer: Importer, item: Mapping[str, object], where: str, label: str) -> Item:
+    parameters = _list(importer, item.get("params"), f"{where}.params", 7)
     command, frame = (
-        int(intake.number(f"{where}.{key}", item.get(key), 0, 65_535)) for key in ("command", "frame")
+        int(importer.number(f"{where}.{key}", item.get(key), 0, 65_535)) for key in ("command", "frame")
     )
     return Item(label, command, frame, parameters[:4], parameters[4], parameters[5], parameters[6])
 
 
-def _complex(intake: Intake, item: Mapping[str, object], where: str, label: str) -> Sequence[Item]:
+def _complex(importer: Importer, item: Mapping[str, object], where: str, label: str) -> Sequence[Item]:
     """Return the transects of a survey or corridor; other complex items are not taken."""
     kind = str(item.get("complexItemType", "complex item"))
     transects = item.get("TransectStyleComplexItem")
@@ -122,50 +122,52 @@ def _complex(intake: Intake, item: Mapping[str, object], where: str, label: str)
         reason = (
             "the landing is the autopilot's mission's" if "landing" in kind.lower() else "it has no transects"
         )
-        intake.leave(kind, label, reason)
+        importer.leave(kind, label, reason)
         return ()
-    intake.remark(f"{label} {kind}", f"taken as the {len(inner)} items of its transects")
-    return _items(intake, inner, f"{where}.TransectStyleComplexItem.Items", f"{label}.")
+    importer.remark(f"{label} {kind}", f"taken as the {len(inner)} items of its transects")
+    return _items(importer, inner, f"{where}.TransectStyleComplexItem.Items", f"{label}.")
 
 
-def _take_fence(intake: Intake, fence: Mapping[str, object]) -> None:
-    _check_version(intake, "geoFence.version", fence, ZONES_VERSION)
-    for index, entry in enumerate(_list(intake, fence.get("polygons", []), "geoFence.polygons")):
+def _take_fence(importer: Importer, fence: Mapping[str, object]) -> None:
+    _check_version(importer, "geoFence.version", fence, ZONES_VERSION)
+    for index, entry in enumerate(_list(importer, fence.get("polygons", []), "geoFence.polygons")):
         where = f"geoFence.polygons.{index}"
-        corners = _list(intake, _entry(intake, entry, where).get("polygon"), f"{where}.polygon", 3)
-        places = [intake.degrees(where, *_list(intake, corner, where, 2)[:2]) for corner in corners]
-        intake.add(_zone(intake, entry, where), places, "", {}, f"fence polygon {index + 1}")
-    for index, entry in enumerate(_list(intake, fence.get("circles", []), "geoFence.circles")):
+        corners = _list(importer, _entry(importer, entry, where).get("polygon"), f"{where}.polygon", 3)
+        places = [importer.degrees(where, *_list(importer, corner, where, 2)[:2]) for corner in corners]
+        importer.add(_zone(importer, entry, where), places, "", {}, f"fence polygon {index + 1}")
+    for index, entry in enumerate(_list(importer, fence.get("circles", []), "geoFence.circles")):
         where = f"geoFence.circles.{index}"
-        circle = _entry(intake, _entry(intake, entry, where).get("circle"), f"{where}.circle")
-        centre = intake.degrees(where, *_list(intake, circle.get("center"), f"{where}.circle.center", 2)[:2])
-        values = {"radius_m": intake.number(f"{where}.circle.radius", circle.get("radius"), 0.1, 1e5)}
-        intake.add(_zone(intake, entry, where), [centre], "", values, f"fence circle {index + 1}")
+        circle = _entry(importer, _entry(importer, entry, where).get("circle"), f"{where}.circle")
+        centre = importer.degrees(
+            where, *_list(importer, circle.get("center"), f"{where}.circle.center", 2)[:2]
+        )
+        values = {"radius_m": importer.number(f"{where}.circle.radius", circle.get("radius"), 0.1, 1e5)}
+        importer.add(_zone(importer, entry, where), [centre], "", values, f"fence circle {index + 1}")
     if fence.get("breachReturn") is not None:
-        intake.leave("geoFence.breachReturn", "", "a mission file has no return point")
+        importer.leave("geoFence.breachReturn", "", "a mission file has no return point")
 
 
-def _entry(intake: Intake, value: object, where: str) -> Mapping[str, object]:
+def _entry(importer: Importer, value: object, where: str) -> Mapping[str, object]:
     if not isinstance(value, dict):
-        raise intake.error(where, value, "an object, in braces")
+        raise importer.error(where, value, "an object, in braces")
     return value
 
 
-def _zone(intake: Intake, entry: object, where: str) -> Kind:
-    is_inclusion = _entry(intake, entry, where).get("inclusion")
+def _zone(importer: Importer, entry: object, where: str) -> Kind:
+    is_inclusion = _entry(importer, entry, where).get("inclusion")
     if not isinstance(is_inclusion, bool):
-        raise intake.error(f"{where}.inclusion", is_inclusion, "true or false")
+        raise importer.error(f"{where}.inclusion", is_inclusion, "true or false")
     return Kind.FENCE if is_inclusion else Kind.NO_FLY
 
 
-def _take_rally(intake: Intake, rally: Mapping[str, object]) -> None:
+def _take_rally(importer: Importer, rally: Mapping[str, object]) -> None:
     if rally.get("version") not in _RALLY_VERSIONS:
-        raise intake.error("rallyPoints.version", rally.get("version"), "1 or 2")
-    for index, entry in enumerate(_list(intake, rally.get("points", []), "rallyPoints.points")):
+        raise importer.error("rallyPoints.version", rally.get("version"), "1 or 2")
+    for index, entry in enumerate(_list(importer, rally.get("points", []), "rallyPoints.points")):
         where = f"rallyPoints.points.{index}"
-        latitude, longitude, *_ = _list(intake, entry, where, 2)
-        place = intake.degrees(where, latitude, longitude)
-        intake.add(Kind.FIELD, [place], f"rally {index + 1}", {}, f"rally point {index + 1}")
+        latitude, longitude, *_ = _list(importer, entry, where, 2)
+        place = importer.degrees(where, latitude, longitude)
+        importer.add(Kind.FIELD, [place], f"rally {index + 1}", {}, f"rally point {index + 1}")
 
 
 def _digest(document: Mapping[str, object]) -> str:

@@ -7,7 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 
 from companion.mission_files.formats.foreign_file import foreign_text
-from companion.mission_files.found_places import PROPERTIES, Intake, Kind
+from companion.mission_files.found_places import PROPERTIES, Importer, Kind
 
 _NAMES = {
     "radar": "name", "id": "name",
@@ -20,7 +20,7 @@ _REQUIRED = ("latitude", "longitude", "max_threat_radius_m")
 _ROWS_MAX = 10_000
 
 
-def take_radar_table(intake: Intake, data: bytes) -> None:
+def take_radar_table(importer: Importer, data: bytes) -> None:
     """Take a table of radars; its first row names the columns, commas, semicolons or tabs part them.
 
     Raises
@@ -28,53 +28,53 @@ def take_radar_table(intake: Intake, data: bytes) -> None:
     ConfigError
         If a column is missing, or a value is wrong.
     """
-    text = foreign_text(intake, data)
+    text = foreign_text(importer, data)
     separator = max(",;\t", key=text.splitlines()[0].count)
     try:
         header, *rows = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     except csv.Error as error:
-        raise intake.error(
+        raise importer.error(
             "table", str(error), "rows of cells, parted by commas, semicolons or tabs"
         ) from None
-    columns = _columns(intake, header)
+    columns = _columns(importer, header)
     for line, row in enumerate(rows[:_ROWS_MAX], 2):
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(header):
-            raise intake.error(
+            raise importer.error(
                 f"row {line}", f"{len(row)} cells", f"{len(header)} cells, as the first row", line
             )
-        _take_row(intake, {name: row[place].strip() for name, place in columns.items()}, separator, line)
+        _take_row(importer, {name: row[place].strip() for name, place in columns.items()}, separator, line)
     for line in range(_ROWS_MAX + 2, len(rows) + 2):
-        intake.leave("row", line, f"a table has at most {_ROWS_MAX} rows")
+        importer.leave("row", line, f"a table has at most {_ROWS_MAX} rows")
 
 
-def _columns(intake: Intake, header: Sequence[str]) -> dict[str, int]:
+def _columns(importer: Importer, header: Sequence[str]) -> dict[str, int]:
     """Return the place of each known column."""
     columns: dict[str, int] = {}
     for place, written in enumerate(header):
         plain = written.strip().lower().replace(" ", "_")
         name = _NAMES.get(plain, plain)
         if name in columns:
-            raise intake.error(f"column {written.strip()!r}", "a second one", f"one column for {name}", 1)
+            raise importer.error(f"column {written.strip()!r}", "a second one", f"one column for {name}", 1)
         if name in ("name", *_REQUIRED, *PROPERTIES[Kind.RADAR]):
             columns[name] = place
         else:
-            intake.leave("column", repr(written.strip()), "a radar has no such property")
+            importer.leave("column", repr(written.strip()), "a radar has no such property")
     for name in _REQUIRED:
         if name not in columns:
             known = sorted({written for written, meant in _NAMES.items() if meant == name} | {name})
-            raise intake.error("columns", ", ".join(header), f"a column {' or '.join(known)}", 1)
+            raise importer.error("columns", ", ".join(header), f"a column {' or '.join(known)}", 1)
     return columns
 
 
-def _take_row(intake: Intake, row: Mapping[str, str], separator: str, line: int) -> None:
+def _take_row(importer: Importer, row: Mapping[str, str], separator: str, line: int) -> None:
     values = dict(row)
     name = values.pop("name", "") or f"radar {line - 1}"
     if separator != ",":  # There a comma is the decimal sign of many a spreadsheet.
         values = {key: value.replace(",", ".") for key, value in values.items()}
     label = f"row {line}"
-    place = intake.degrees(label, values.pop("latitude"), values.pop("longitude"))
+    place = importer.degrees(label, values.pop("latitude"), values.pop("longitude"))
     if not values["max_threat_radius_m"]:
-        raise intake.error(f"{label} radius", "nothing", "a radius in metres", line)
-    intake.add(Kind.RADAR, [place], name, values, label)
+        raise importer.error(f"{label} radius", "nothing", "a radius in metres", line)
+    importer.add(Kind.RADAR, [place], name, values, label)

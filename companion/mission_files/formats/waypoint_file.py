@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from companion.mission_files.formats.foreign_file import foreign_text
 from companion.mission_files.formats.item_places import Item, take_items
-from companion.mission_files.found_places import Intake, Kind
+from companion.mission_files.found_places import Importer, Kind
 from companion.types.mavlink_enums import Command
 
 HEADER = "QGC WPL 110"
@@ -17,7 +17,7 @@ _COLUMNS = 12
 _COMMAND_MAX = 65_535
 
 
-def take_waypoints(intake: Intake, data: bytes) -> None:
+def take_waypoints(importer: Importer, data: bytes) -> None:
     """Take the items of a waypoint file.
 
     Raises
@@ -25,34 +25,34 @@ def take_waypoints(intake: Intake, data: bytes) -> None:
     ConfigError
         If it is of another version, a line is not whole, or a value is wrong.
     """
-    header, *lines = foreign_text(intake, data).splitlines()
+    header, *lines = foreign_text(importer, data).splitlines()
     if " ".join(header.split()) != HEADER:
-        raise intake.error("header", header.strip(), HEADER, 1)
+        raise importer.error("header", header.strip(), HEADER, 1)
     items = []
     for number, line in enumerate(lines, 2):
         cells = line.split()
         if not cells:
             continue
         if len(cells) != _COLUMNS:
-            raise intake.error(f"line {number}", f"{len(cells)} columns", f"{_COLUMNS} columns", number)
+            raise importer.error(f"line {number}", f"{len(cells)} columns", f"{_COLUMNS} columns", number)
         index, _, frame, command, *parameters = (
-            intake.number(f"line {number} column {column}", cell) for column, cell in enumerate(cells, 1)
+            importer.number(f"line {number} column {column}", cell) for column, cell in enumerate(cells, 1)
         )
         for key, code in (("frame", frame), ("command", command)):
             if not 0 <= code <= _COMMAND_MAX or code != int(code):
-                raise intake.error(f"line {number} {key}", f"{code:g}", "a whole number", number)
+                raise importer.error(f"line {number} {key}", f"{code:g}", "a whole number", number)
         latitude, longitude, altitude = parameters[4:7]
         if index == 0 and command == Command.NAV_WAYPOINT:
-            _take_home(intake, latitude, longitude, altitude)
+            _take_home(importer, latitude, longitude, altitude)
             continue
         label = f"item {index:g}"
         items.append(Item(label, int(command), int(frame), parameters[:4], latitude, longitude, altitude))
-    take_items(intake, items)
+    take_items(importer, items)
 
 
-def _take_home(intake: Intake, latitude: float, longitude: float, altitude_m: float) -> None:
+def _take_home(importer: Importer, latitude: float, longitude: float, altitude_m: float) -> None:
     if not latitude and not longitude:
-        intake.leave("home", "item 0", "it has no place")
+        importer.leave("home", "item 0", "it has no place")
         return
-    place = intake.degrees("item 0", latitude, longitude)
-    intake.add(Kind.ORIGIN, [place], "", {"altitude_amsl_m": altitude_m}, "item 0, home")
+    place = importer.degrees("item 0", latitude, longitude)
+    importer.add(Kind.ORIGIN, [place], "", {"altitude_amsl_m": altitude_m}, "item 0, home")

@@ -23,7 +23,7 @@ def prices_of(problem: Problem) -> Prices:
         Has the settings.
     """
     settings = problem.settings
-    wanted_m = settings.room_wanted_m
+    wanted_m = settings.soft_clearance_m
     return Prices(
         seen=settings.price_seen,
         pursued=settings.price_pursued,

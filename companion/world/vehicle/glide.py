@@ -194,8 +194,8 @@ def glide_to(
         Velocity of the air, east and north [m/s].
     """
     away = place_enu_m[0] - begin_enu_m[0], place_enu_m[1] - begin_enu_m[1]
-    ways = [_arrival(model, heading_rad, away, wind_enu_m_s, side) for side in (1.0, -1.0)]
-    found = [way for way in ways if way is not None]
+    arrivals = [_arrival(model, heading_rad, away, wind_enu_m_s, side) for side in (1.0, -1.0)]
+    found = [way for way in arrivals if way is not None]
     if not found:
         return None
     turned, turn_s, straight_s = min(found, key=lambda way: way[1] + way[2])

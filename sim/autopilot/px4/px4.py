@@ -345,13 +345,13 @@ class Px4(MissionPilot):
 
     def _begin_return(self, here: tuple[float, float], height_m: float) -> None:
         """Climb in a circle first; with a rally point in an unknown frame it flies to a wrong place."""
-        if self._is_astray():
+        if self._has_unsupported_rally_frame():
             self.flight.steering = Level(0.0, height_m)
             return
         self._return_end = end = self._chosen_return_end(height_m)
         self._steer_circle(here, self.parameters["WP_LOITER_RAD"], end[2])
 
-    def _is_astray(self) -> bool:
+    def _has_unsupported_rally_frame(self) -> bool:
         """Return whether a rally point is in a frame that it took and cannot return by."""
         return any(item.frame not in _RALLY_FRAMES for item in self._lists[MissionKind.RALLY].items)
 
@@ -429,7 +429,7 @@ class Px4(MissionPilot):
         if self.now_us >= self._tell_us:
             self._tell_us = self.now_us + _SECOND_US
             self.tell_current()
-            if self._is_astray():
+            if self._has_unsupported_rally_frame():
                 self.say(mavlink.MAV_SEVERITY_CRITICAL, "RTL: unsupported MAV_FRAME")
         if self._reached is not None and self.now_us >= self._reached[2]:
             sequence, left, due_us = self._reached

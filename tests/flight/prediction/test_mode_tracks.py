@@ -130,7 +130,7 @@ def test_what_is_met_is_named_with_its_time_and_the_ways_out():
     found = met([straight_to(1500.0, 0.0)], is_steered=False)
     assert found.name == "wall"
     assert found.after_s == pytest.approx(11.7, abs=STEP_S)
-    assert found.ways_out == ("turn left", "turn right")
+    assert found.escapes == ("turn left", "turn right")
     assert found.advice == "turn"
 
 
@@ -145,7 +145,7 @@ def test_over_a_low_wall_the_way_out_is_to_climb():
     lane = BLOCK.format("left", 1000, 60, 2000, 90) + BLOCK.format("right", 1000, -90, 2000, -60)
     low = BLOCK.format("low", 1300, -60, 1320, 60).replace("top_m: 300", "top_m: 110")
     found = met([straight_to(1500.0, 0.0)], is_steered=True, extra=lane + low)
-    assert found.ways_out == ("climb",)
+    assert found.escapes == ("climb",)
 
 
 def test_where_nothing_helps_that_is_said():

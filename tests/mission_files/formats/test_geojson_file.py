@@ -13,8 +13,8 @@ RING = [[149.1, -35.4], [149.2, -35.4], [149.2, -35.3], [149.1, -35.4]]
 PLACE = [149.18, -35.35]
 
 
-def kinds(intake):
-    return [place.kind for place in intake.places]
+def kinds(importer):
+    return [place.kind for place in importer.places]
 
 
 def test_each_kind(tmp_path):
@@ -31,15 +31,15 @@ def test_each_kind(tmp_path):
         ),
         feature("people", "MultiPolygon", [[RING], [RING]], name="village"),
     )
-    intake = take(tmp_path, "a.geojson", document)
-    assert kinds(intake) == [
+    importer = take(tmp_path, "a.geojson", document)
+    assert kinds(importer) == [
         Kind.ORIGIN, Kind.START, Kind.GOAL, Kind.GOAL, Kind.OBSTACLE, Kind.FENCE, Kind.NO_FLY, Kind.RADAR,
         Kind.MOVING_THREAT, Kind.PEOPLE, Kind.PEOPLE,
     ]  # fmt: skip
-    assert intake.places[4].values == {"height_m": 30.0}
-    assert intake.places[4].corners == ((-35.4, 149.1), (-35.4, 149.2), (-35.3, 149.2))
-    assert intake.places[7].values == {"max_threat_radius_m": 500.0, "known_beforehand": False}
-    assert intake.places[8].values["behaviour"] == "drive"
+    assert importer.places[4].values == {"height_m": 30.0}
+    assert importer.places[4].corners == ((-35.4, 149.1), (-35.4, 149.2), (-35.3, 149.2))
+    assert importer.places[7].values == {"max_threat_radius_m": 500.0, "known_beforehand": False}
+    assert importer.places[8].values["behaviour"] == "drive"
 
 
 def test_a_building_is_an_obstacle_and_its_other_properties_are_counted(tmp_path):
@@ -47,22 +47,22 @@ def test_a_building_is_an_obstacle_and_its_other_properties_are_counted(tmp_path
         "type": "Feature", "id": "way/7", "geometry": {"type": "Polygon", "coordinates": [RING]},
         "properties": {"building": "yes", "height": "12.5", "addr:street": "Main Street"},
     }  # fmt: skip
-    intake = take(tmp_path, "a.geojson", collection(building, building))
-    assert [(place.kind, place.name, place.values) for place in intake.places] == [
+    importer = take(tmp_path, "a.geojson", collection(building, building))
+    assert [(place.kind, place.name, place.values) for place in importer.places] == [
         (Kind.OBSTACLE, "way/7", {"height_m": 12.5})
     ] * 2
-    assert intake.remarks == (
+    assert importer.remarks == (
         "a.geojson: property 'addr:street' of 2 feature(s): not taken: a mission file has no such key",
     )
 
 
 def test_what_has_no_kind_is_named_unless_a_default_is_given(tmp_path):
     plain = {"type": "Feature", "properties": None, "geometry": {"type": "Polygon", "coordinates": [RING]}}
-    intake = take(tmp_path, "a.json", collection(plain, feature("lake", "Polygon", [RING])))
-    assert kinds(intake) == []
-    assert "no kind feature 1: not taken: the property kind is one of" in intake.remarks[1]
-    assert "kind 'lake' feature 2: not taken" in intake.remarks[2]
-    assert intake.remarks[0] == "a.json: file: nothing of it is taken"
+    importer = take(tmp_path, "a.json", collection(plain, feature("lake", "Polygon", [RING])))
+    assert kinds(importer) == []
+    assert "no kind feature 1: not taken: the property kind is one of" in importer.remarks[1]
+    assert "kind 'lake' feature 2: not taken" in importer.remarks[2]
+    assert importer.remarks[0] == "a.json: file: nothing of it is taken"
     assert kinds(take(tmp_path, "a.json", collection(plain), Kind.FENCE)) == [Kind.FENCE]
 
 
@@ -76,9 +76,9 @@ def test_holes_lines_and_heights_that_are_not_taken(tmp_path):
         feature("goal", "Point", [*PLACE, 700.0]),
         {"type": "Feature", "properties": {"kind": "goal"}, "geometry": None},
     )
-    intake = take(tmp_path, "a.geojson", document)
-    assert kinds(intake) == [Kind.OBSTACLE, Kind.FENCE, Kind.NO_FLY, Kind.GOAL]
-    said = "\n".join(intake.remarks)
+    importer = take(tmp_path, "a.geojson", document)
+    assert kinds(importer) == [Kind.OBSTACLE, Kind.FENCE, Kind.NO_FLY, Kind.GOAL]
+    said = "\n".join(importer.remarks)
     for words in (
         "hole 1 of court feature 1: not taken",
         "fence feature 3: not taken",
@@ -124,5 +124,5 @@ def test_what_is_written_is_what_was_taken(tmp_path):
         feature("fence", "Polygon", [RING]),
         feature("moving_threat", "LineString", [PLACE, [149.2, -35.3]], name="car", behaviour="drive"),
     )
-    intake = take(tmp_path, "a.geojson", document)
-    assert feature_collection(intake.places) == document
+    importer = take(tmp_path, "a.geojson", document)
+    assert feature_collection(importer.places) == document

@@ -19,16 +19,16 @@ TYPED = '<wpt lat="-35.36" lon="149.16"><ele>584</ele><name>H</name><type>home</
 PLAIN = '<wpt lat="-35.36" lon="149.17"><name>P</name></wpt>'
 
 
-def kinds(intake):
-    return [place.kind for place in intake.places]
+def kinds(importer):
+    return [place.kind for place in importer.places]
 
 
 def test_a_routes_points_are_goals_and_types_say_the_rest(tmp_path):
-    intake = take(tmp_path, "a.gpx", gpx(TYPED + PLAIN + ROUTE + "<trk><name>flown</name></trk>"))
-    assert kinds(intake) == [Kind.ORIGIN, Kind.GOAL, Kind.GOAL]
-    assert intake.places[1].values == {"altitude_amsl_m": 684.0}
-    assert intake.places[1].corners == ((-35.35, 149.18),)
-    assert intake.remarks == (
+    importer = take(tmp_path, "a.gpx", gpx(TYPED + PLAIN + ROUTE + "<trk><name>flown</name></trk>"))
+    assert kinds(importer) == [Kind.ORIGIN, Kind.GOAL, Kind.GOAL]
+    assert importer.places[1].values == {"altitude_amsl_m": 684.0}
+    assert importer.places[1].corners == ((-35.35, 149.18),)
+    assert importer.remarks == (
         "a.gpx: waypoint P: not taken: the file has a route, whose points are the goals",
         "a.gpx: track flown: not taken: it was flown, and is no plan",
     )
@@ -58,23 +58,23 @@ def test_a_broken_gpx_gives_one_error(case, tmp_path):
 
 
 def test_the_example_table(tmp_path):
-    intake = take(tmp_path, "radars.csv", (EXAMPLES / "radars.csv").read_text(encoding="utf-8"))
-    assert [(place.kind, place.name) for place in intake.places] == [
+    importer = take(tmp_path, "radars.csv", (EXAMPLES / "radars.csv").read_text(encoding="utf-8"))
+    assert [(place.kind, place.name) for place in importer.places] == [
         (Kind.RADAR, "West"),
         (Kind.RADAR, "East"),
     ]
-    assert intake.places[0].values == {"max_threat_radius_m": 500.0, "altitude_amsl_m": 590.0}
-    assert intake.remarks == ()
+    assert importer.places[0].values == {"max_threat_radius_m": 500.0, "altitude_amsl_m": 590.0}
+    assert importer.remarks == ()
 
 
 def test_a_table_of_another_spreadsheet(tmp_path):
     """Semicolons part the columns, commas the decimals; one column is not known, one row is empty."""
     text = "Lat;Lon;Range m;Operator;known_beforehand\r\n-35,35;149,18;500,5;Navy;no\r\n;;;;\r\n"
-    intake = take(tmp_path, "a.csv", text.encode("utf-8-sig"))
-    (radar,) = intake.places
+    importer = take(tmp_path, "a.csv", text.encode("utf-8-sig"))
+    (radar,) = importer.places
     assert (radar.name, radar.corners) == ("radar 1", ((-35.35, 149.18),))
     assert radar.values == {"max_threat_radius_m": 500.5, "known_beforehand": False}
-    assert intake.remarks == ("a.csv: column 'Operator': not taken: a radar has no such property",)
+    assert importer.remarks == ("a.csv: column 'Operator': not taken: a radar has no such property",)
 
 
 BROKEN_CSV = {

@@ -19,8 +19,8 @@ def polygon(height=0, mode="", hole=""):
     return f"<Polygon>{mode}<outerBoundaryIs>{ring}</outerBoundaryIs>{hole}</Polygon>"
 
 
-def kinds(intake):
-    return [place.kind for place in intake.places]
+def kinds(importer):
+    return [place.kind for place in importer.places]
 
 
 def test_a_property_a_folder_or_the_first_word_says_what_it_is(tmp_path):
@@ -28,21 +28,21 @@ def test_a_property_a_folder_or_the_first_word_says_what_it_is(tmp_path):
     by_name = placemark("Goal North", POINT)
     folder = f"<Folder><name>Geofence</name>{placemark('edge', polygon())}</Folder>"
     nothing = placemark("Car park", POINT)
-    intake = take(tmp_path, "a.kml", kml(said, by_name, folder, nothing))
-    assert kinds(intake) == [Kind.RADAR, Kind.GOAL, Kind.FENCE]
-    assert intake.places[0].values == {"max_threat_radius_m": 400.0}
-    (remark,) = intake.remarks
+    importer = take(tmp_path, "a.kml", kml(said, by_name, folder, nothing))
+    assert kinds(importer) == [Kind.RADAR, Kind.GOAL, Kind.FENCE]
+    assert importer.places[0].values == {"max_threat_radius_m": 400.0}
+    (remark,) = importer.remarks
     assert remark.startswith("a.kml: Point Car park: not taken: no property kind")
 
 
 def test_heights_by_their_mode(tmp_path):
     over_ground = placemark("Hall", polygon(25, "relativeToGround"))
     over_sea = placemark("Mast", polygon(640, "absolute"))
-    intake = take(tmp_path, "a.kml", kml(over_ground, over_sea))
-    assert [place.values for place in intake.places] == [{"height_m": 25.0}, {"top_amsl_m": 640.0}]
-    assert kinds(intake) == [Kind.OBSTACLE] * 2
-    assert intake.places[0].corners == ((-35.4, 149.1), (-35.4, 149.2), (-35.3, 149.2))
-    assert any("heights relative to ground: taken as heights over home" in each for each in intake.remarks)
+    importer = take(tmp_path, "a.kml", kml(over_ground, over_sea))
+    assert [place.values for place in importer.places] == [{"height_m": 25.0}, {"top_amsl_m": 640.0}]
+    assert kinds(importer) == [Kind.OBSTACLE] * 2
+    assert importer.places[0].corners == ((-35.4, 149.1), (-35.4, 149.2), (-35.3, 149.2))
+    assert any("heights relative to ground: taken as heights over home" in each for each in importer.remarks)
 
 
 def test_parts_routes_and_holes(tmp_path):
@@ -51,26 +51,26 @@ def test_parts_routes_and_holes(tmp_path):
     hole = f"<innerBoundaryIs>{inner}</innerBoundaryIs>"
     many = f"<MultiGeometry>{polygon(hole=hole)}{POINT}</MultiGeometry>"
     car = placemark("car", line, kind="vehicle", radius_m=200, speed_m_s=15)
-    intake = take(
+    importer = take(
         tmp_path,
         "a.kml",
         kml(placemark("way", line, kind="goal"), car, placemark("edge", many, kind="fence")),
     )
-    assert kinds(intake)[:4] == [Kind.GOAL, Kind.GOAL, Kind.MOVING_THREAT, Kind.FENCE]
-    assert intake.places[2].values["behaviour"] == "drive"
-    assert intake.places[4].kind is Kind.NO_FLY  # The hole of a fence is closed.
+    assert kinds(importer)[:4] == [Kind.GOAL, Kind.GOAL, Kind.MOVING_THREAT, Kind.FENCE]
+    assert importer.places[2].values["behaviour"] == "drive"
+    assert importer.places[4].kind is Kind.NO_FLY  # The hole of a fence is closed.
     assert any(
-        "fence edge placemark: not taken: an area has three corners" in each for each in intake.remarks
+        "fence edge placemark: not taken: an area has three corners" in each for each in importer.remarks
     )
 
 
 def test_what_is_no_place_is_named(tmp_path):
     link = "<NetworkLink><name>weather</name><Link><href>http://example.org</href></Link></NetworkLink>"
     track = placemark("flown", '<gx:Track xmlns:gx="http://www.google.com/kml/ext/2.2"/>')
-    intake = take(
+    importer = take(
         tmp_path, "a.kml", kml(link, track, placemark("empty", ""), placemark("odd", POINT, kind="x"))
     )
-    said = "\n".join(intake.remarks)
+    said = "\n".join(importer.remarks)
     for words in ("<NetworkLink> weather: not taken", "<Track> flown", "placemark empty", "of kind 'x' odd"):
         assert words in said, words
 
@@ -81,9 +81,9 @@ def test_a_kmz_is_its_first_document(tmp_path):
         archive.writestr("images/icon.png", b"png")
         archive.writestr("doc.kml", kml(placemark("Goal", POINT)))
         archive.writestr("more.kml", kml())
-    intake = take(tmp_path, "a.kmz", target.getvalue())
-    assert kinds(intake) == [Kind.GOAL]
-    assert any("document more.kml: not taken" in remark for remark in intake.remarks)
+    importer = take(tmp_path, "a.kmz", target.getvalue())
+    assert kinds(importer) == [Kind.GOAL]
+    assert any("document more.kml: not taken" in remark for remark in importer.remarks)
 
 
 def test_a_kmz_that_grows_is_refused(tmp_path):
@@ -133,8 +133,8 @@ def test_a_broken_archive_gives_one_error(content, tmp_path):
 
 
 def test_the_example_has_three_buildings(tmp_path):
-    intake = take(tmp_path, "buildings.kml", (EXAMPLES / "buildings.kml").read_text(encoding="utf-8"))
-    assert [(place.kind, place.name) for place in intake.places] == [
+    importer = take(tmp_path, "buildings.kml", (EXAMPLES / "buildings.kml").read_text(encoding="utf-8"))
+    assert [(place.kind, place.name) for place in importer.places] == [
         (Kind.OBSTACLE, "Hall"), (Kind.OBSTACLE, "Grain silo"), (Kind.OBSTACLE, "Büro 1"),
     ]  # fmt: skip
-    assert [place.values["height_m"] for place in intake.places] == [130.0, 160.0, 140.0]
+    assert [place.values["height_m"] for place in importer.places] == [130.0, 160.0, 140.0]

@@ -9,8 +9,8 @@ from companion.mission_files.found_places import Kind
 from tests.mission_files.files import EXAMPLES, HOME, PLAN, plan, take, waypoint
 
 
-def kinds(intake):
-    return [place.kind for place in intake.places]
+def kinds(importer):
+    return [place.kind for place in importer.places]
 
 
 def test_home_and_waypoints(tmp_path):
@@ -40,11 +40,11 @@ def test_zones_and_rally_points(tmp_path):
         "breachReturn": [*HOME, 50],
     }
     rally = {"version": 2, "points": [[*HOME, 50]]}
-    intake = take(tmp_path, "a.plan", plan(items=[]) | {"geoFence": zones, "rallyPoints": rally})
-    assert kinds(intake) == [Kind.ORIGIN, Kind.FENCE, Kind.NO_FLY, Kind.NO_FLY, Kind.FIELD]
-    assert intake.places[1].corners == tuple(map(tuple, square))
-    assert len(intake.places[3].corners) == 24
-    assert any("breachReturn: not taken" in remark for remark in intake.remarks)
+    importer = take(tmp_path, "a.plan", plan(items=[]) | {"geoFence": zones, "rallyPoints": rally})
+    assert kinds(importer) == [Kind.ORIGIN, Kind.FENCE, Kind.NO_FLY, Kind.NO_FLY, Kind.FIELD]
+    assert importer.places[1].corners == tuple(map(tuple, square))
+    assert len(importer.places[3].corners) == 24
+    assert any("breachReturn: not taken" in remark for remark in importer.remarks)
 
 
 def test_what_is_no_goal_is_named_with_its_number_and_the_reason(tmp_path):
@@ -59,9 +59,9 @@ def test_what_is_no_goal_is_named_with_its_number_and_the_reason(tmp_path):
         {"type": "ComplexItem", "complexItemType": "fwLandingPattern", "version": 1},
         {"type": "ComplexItem", "complexItemType": "StructureScan", "version": 2},
     ]
-    intake = take(tmp_path, "a.plan", plan(items=items, cruiseSpeed=17))
-    assert kinds(intake) == [Kind.ORIGIN]
-    said = "\n".join(intake.remarks)
+    importer = take(tmp_path, "a.plan", plan(items=items, cruiseSpeed=17))
+    assert kinds(importer) == [Kind.ORIGIN]
+    said = "\n".join(importer.remarks)
     for words in (
         "DO_CHANGE_SPEED (178) item 1: not taken: airspeeds are",
         "DO_JUMP (177) item 2, item 4: not taken: goals are reached once, in order",
@@ -81,13 +81,13 @@ def test_loiters_and_holds_are_taken_as_goals_with_a_remark(tmp_path):
         waypoint(3, 0, 80, None, -35.35, 149.18, 80, command=18),
         waypoint(12, 0, 0, None, -35.35, 149.19, 80),
     ]
-    intake = take(tmp_path, "a.plan", plan(items=items))
-    assert kinds(intake) == [Kind.ORIGIN, Kind.GOAL, Kind.GOAL]
+    importer = take(tmp_path, "a.plan", plan(items=items))
+    assert kinds(importer) == [Kind.ORIGIN, Kind.GOAL, Kind.GOAL]
     assert (
         "item 1 NAV_LOITER_TURNS (18): taken as a point to reach; the circling is not taken"
-        in intake.remarks[0]
+        in importer.remarks[0]
     )
-    assert "the hold of 12 s is not taken" in intake.remarks[1]
+    assert "the hold of 12 s is not taken" in importer.remarks[1]
 
 
 def test_a_survey_becomes_the_waypoints_of_its_transects(tmp_path):
@@ -99,12 +99,12 @@ def test_a_survey_becomes_the_waypoints_of_its_transects(tmp_path):
         "version": 5,
         "TransectStyleComplexItem": {"version": 2, "Items": inner, "VisualTransectPoints": []},
     }
-    intake = take(tmp_path, "a.plan", plan(items=[survey]))
-    assert [place.corners[0][1] for place in intake.places[1:]] == pytest.approx(
+    importer = take(tmp_path, "a.plan", plan(items=[survey]))
+    assert [place.corners[0][1] for place in importer.places[1:]] == pytest.approx(
         [149.17, 149.18, 149.19, 149.2]
     )
-    assert any("item 1 survey: taken as the 5 items" in remark for remark in intake.remarks)
-    assert any("command 206 item 1.5: not taken" in remark for remark in intake.remarks)
+    assert any("item 1 survey: taken as the 5 items" in remark for remark in importer.remarks)
+    assert any("command 206 item 1.5: not taken" in remark for remark in importer.remarks)
 
 
 BROKEN = {
@@ -176,6 +176,6 @@ def test_a_broken_plan_gives_one_error(case, tmp_path):
 
 
 def test_the_example_has_a_fence_a_zone_two_goals_and_a_rally_point(tmp_path):
-    intake = take(tmp_path, "field.plan", (EXAMPLES / "field.plan").read_text(encoding="utf-8"))
+    importer = take(tmp_path, "field.plan", (EXAMPLES / "field.plan").read_text(encoding="utf-8"))
     wanted = [Kind.ORIGIN, Kind.TAKEOFF, Kind.GOAL, Kind.GOAL, Kind.FENCE, Kind.NO_FLY, Kind.FIELD]
-    assert kinds(intake) == wanted
+    assert kinds(importer) == wanted

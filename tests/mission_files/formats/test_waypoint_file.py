@@ -17,12 +17,12 @@ def lines(*items):
 def test_home_take_off_and_goals(tmp_path):
     takeoff = "1\t0\t3\t22\t15\t0\t0\t0\t0\t0\t50\t1"
     jump = "3\t0\t3\t177\t1\t2\t0\t0\t0\t0\t0\t1"
-    intake = take(tmp_path, "a.waypoints", lines(HOME, takeoff, GOAL.replace("1", "2", 1), jump))
-    assert [place.kind for place in intake.places] == [Kind.ORIGIN, Kind.TAKEOFF, Kind.GOAL]
-    assert intake.places[0].values == {"altitude_amsl_m": 584.0}
-    assert intake.places[1].values == {"up_m": 50.0}
-    assert intake.places[2].corners == ((-35.35, 149.18),)
-    assert intake.remarks == (
+    importer = take(tmp_path, "a.waypoints", lines(HOME, takeoff, GOAL.replace("1", "2", 1), jump))
+    assert [place.kind for place in importer.places] == [Kind.ORIGIN, Kind.TAKEOFF, Kind.GOAL]
+    assert importer.places[0].values == {"altitude_amsl_m": 584.0}
+    assert importer.places[1].values == {"up_m": 50.0}
+    assert importer.places[2].corners == ((-35.35, 149.18),)
+    assert importer.remarks == (
         "a.waypoints: DO_JUMP (177) item 3: not taken: goals are reached once, in order",
     )
 
@@ -32,9 +32,9 @@ def test_a_fence_and_a_rally_point(tmp_path):
     fence = [f"{n}\t0\t3\t5001\t3\t0\t0\t0\t{lat}\t{lon}\t0\t1" for n, (lat, lon) in enumerate(corners, 1)]
     circle = "4\t0\t3\t5004\t80\t0\t0\t0\t-35.35\t149.15\t0\t1"
     rally = "5\t0\t3\t5100\t0\t0\t0\t0\t-35.35\t149.15\t60\t1"
-    intake = take(tmp_path, "a.waypoints", lines(HOME, *fence, circle, rally))
-    assert [place.kind for place in intake.places] == [Kind.ORIGIN, Kind.FENCE, Kind.NO_FLY, Kind.FIELD]
-    assert intake.places[1].corners == tuple(corners)
+    importer = take(tmp_path, "a.waypoints", lines(HOME, *fence, circle, rally))
+    assert [place.kind for place in importer.places] == [Kind.ORIGIN, Kind.FENCE, Kind.NO_FLY, Kind.FIELD]
+    assert importer.places[1].corners == tuple(corners)
 
 
 BROKEN = {

@@ -175,7 +175,7 @@ def test_nearness_has_a_price_where_the_objective_decides():
             name, certainty=Certainty.SHIFTED, clearance_min_m=15.0, sensing_horizon_m=600.0,
             max_iterations=1000, clearance_wanted_m=60.0,
         )  # fmt: skip
-        assert chosen.room_wanted_m == (60.0 if method.by_objective else 0.0), name
+        assert chosen.soft_clearance_m == (60.0 if method.by_objective else 0.0), name
 
 
 @pytest.mark.slow
@@ -190,7 +190,7 @@ def test_the_papers_maps_without_pursuers_are_flown_nearly_as_cheaply_as_can_be(
         mission.obstacle_list, mission.radar_list, asked.snapshot.bounds, start=asked.start.position_enu_m,
         goal=asked.goals[0].position_enu_m, margin=settings.clearance_min_m, spacing=spacing,
         speed=asked.vehicle.airspeed_cruise_m_s,
-        prices=(settings.price_seen, settings.price_near, settings.room_wanted_m), rise=rise,
+        prices=(settings.price_seen, settings.price_near, settings.soft_clearance_m), rise=rise,
     )  # fmt: skip
     plan = solve(asked)
     assert plan.objective_s <= 1.10 * exact.least_s

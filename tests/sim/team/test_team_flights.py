@@ -9,7 +9,7 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from sim.team.__main__ import main
-from sim.team.candidates import Circling, candidates, ways_to
+from sim.team.candidates import Circling, candidates, paths_to
 from sim.team.fast_time import fly, fly_straight
 from sim.team.scenes import Scene
 from sim.team.true_distances import Flown, pairs_lost, true_places
@@ -56,7 +56,7 @@ def test_pairs_that_come_near_are_found_and_no_others():
 
 def test_the_true_track_is_within_the_tolerance_of_the_way_and_never_jumps():
     circling = Circling(np.array([0.0, 0.0, 100.0]), 1.0, DENSE.speed_m_s / DENSE.radius_m)
-    way = next(candidates(circling, ways_to(DENSE, circling, np.array([5000.0, 1000.0, 150.0])), 30.0))
+    way = next(candidates(circling, paths_to(DENSE, circling, np.array([5000.0, 1000.0, 150.0])), 30.0))
     times = np.arange(0.0, way[-1, 0] + 60.0, 0.25)
     places = true_places(DENSE, Flown(circling, way), times, np.random.default_rng(1))
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() < 20.0
