@@ -96,7 +96,7 @@ def test_of_a_flight_of_a_minute_the_motion_is_not_told():
     found = identified([flown], vehicle_of(flown.mission))
     for name in MOTION:
         assert key_of(found, name).value is None
-        assert key_of(found, name).note.startswith("too little: 56 s along plans")
+        assert key_of(found, name).note.startswith("too little: 55 s along plans")
     assert "  # course_rate_std_rad_s: too little" in fragment_of(found)
 
 
