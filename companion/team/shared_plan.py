@@ -10,7 +10,8 @@ import numpy as np
 from companion.frames import FloatArray
 
 NUMBERS = 1 << 16  # Plan numbers are counted in 16 bits and begin again.
-LOOK_S = 1e-6  # Two places of a path this far apart in time differ by less than a millimetre, save at a jump.
+ROUNDED_S = 2e-5  # Rounding moves a time that counts as one of the clock's ticks by less than this.
+LOOK_S = 1e-4  # Two places of a path this far apart in time differ by some millimetres, save at a jump.
 
 
 def is_newer(number: int, than: int) -> bool:
@@ -125,9 +126,9 @@ class SharedPlan:
 
     def disc_at(self, time_s: float) -> float:
         """Return the radius of the circle in which the member is at an instant; 0 on the way [m]."""
-        if time_s >= self.end_s:
+        if time_s >= self.end_s - ROUNDED_S:
             return self.radius_m
-        return float(self.discs_m[0]) if time_s < self.leaves_s else 0.0
+        return float(self.discs_m[0]) if time_s < self.leaves_s + ROUNDED_S else 0.0
 
     def is_flown_at(self, place_enu_m: tuple[float, float, float], time_s: float) -> bool:
         """Return whether a place at an instant is within the plan's tolerance."""

@@ -46,6 +46,7 @@ BID_HEAD = struct.Struct("<IiiBBH")  # time, latitude, longitude, airspeed, goal
 FRAGMENT_BYTES = PAYLOAD_BYTES - HEADER.size - FRAGMENT.size
 FRAGMENTS_MAX = 15
 TICK_S = 0.1
+ON_TICK = 1e-4  # Times this near to a tick, in ticks, are on it: they were rounded before.
 TICKS = 1 << 32  # Start times begin again after thirteen years.
 STEP_M = 0.25
 ALTITUDE_STEP_M, ALTITUDE_MIN_M = 0.25, -1000.0
@@ -437,10 +438,12 @@ def _plan_body(plan: SharedPlan, frame: LocalFrame) -> bytes:
     around = (longitude - longitude_e7 * 1e-7 + 180.0) % 360.0 - 180.0
     east, north = around * 1e7 * M_PER_E7 * scale, (latitude * 1e7 - latitude_e7) * M_PER_E7
     coarse = _doublings(float(max(abs(east).max(), abs(north).max())), STEP_M * 32_767)
-    start = math.floor(plan.start_s / TICK_S + 1e-3)
-    slow = _doublings(plan.end_s / TICK_S - start, 65_535.0)
+    times = rows[:, 0] / TICK_S
+    times = np.where(abs(times - np.round(times)) < ON_TICK, np.round(times), times)
+    start = math.floor(times[0])
+    slow = _doublings(float(times[-1]) - start, 65_535.0)
     altitudes = np.round((rows[:, 3] + frame.altitude_amsl_m - ALTITUDE_MIN_M) / ALTITUDE_STEP_M)
-    ticks = _ticks((rows[:, 0] / TICK_S - start) / 2.0**slow, begins_in_circle=bool(plan.discs_m[0] > 0.0))
+    ticks = _ticks((times - start) / 2.0**slow, begins_in_circle=bool(plan.discs_m[0] > 0.0))
     lengths = (plan.tolerance_m, plan.tolerance_up_m, plan.radius_m, float(plan.discs_m[0]))
     sizes = [math.ceil(length / TENTH_M - 1e-6) for length in lengths]
     if altitudes.min() < 0.0 or altitudes.max() > 65_535.0 or max(sizes) > 65_535 or max(coarse, slow) > 15:
@@ -460,10 +463,9 @@ def _ticks(ticks: FloatArray, *, begins_in_circle: bool) -> FloatArray:
     """Round times ``ticks`` (N,) so that they never fall, and circles last no shorter, (N,)."""
     rounded = np.round(ticks)
     if begins_in_circle:
-        rounded[1] = math.ceil(ticks[1] - 1e-3)
+        rounded[1] = math.ceil(ticks[1])
         rounded[2:] = np.maximum(rounded[2:], rounded[1])
-    last = math.floor(ticks[-1] + 1e-3)
-    return np.asarray(np.minimum(rounded, last))
+    return np.asarray(np.minimum(rounded, math.floor(ticks[-1])))
 
 
 def tick_near(tick: int, near: int) -> int:

@@ -20,7 +20,11 @@ from tests.team.shared_goal_flights import TEXT, mission_of
 from tests.team.team_plans import BEGIN_S, FRAME, SETTINGS
 
 PLACE = st.tuples(st.floats(-3000.0, 3000.0), st.floats(-3000.0, 3000.0))
-GOALS = st.lists(PLACE, min_size=1, max_size=9)
+# Goals are farther apart than two circles (docs/team.md).
+SPOTS = st.tuples(st.integers(-6, 6), st.integers(-6, 6), st.floats(-0.08, 0.08), st.floats(-0.08, 0.08))
+GOALS = st.lists(SPOTS, min_size=1, max_size=9, unique_by=lambda spot: spot[:2]).map(
+    lambda spots: [(500.0 * (column + east), 500.0 * (row + north)) for column, row, east, north in spots]
+)
 STARTS = st.lists(PLACE, min_size=2, max_size=5)
 WEATHER = st.builds(Weather, loss=st.floats(0.0, 0.4), late_s=st.floats(0.0, 6.0), twice=st.floats(0.0, 0.5))
 PACES = st.lists(st.floats(0.5, 1.2), min_size=5, max_size=5)

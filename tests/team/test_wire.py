@@ -66,7 +66,7 @@ def plans(draw):
     first_radius_m = draw(st.sampled_from((0.0, 80.0))) if num > 2 else 0.0
     if first_radius_m:
         rows[1, 1:] = rows[0, 1:] + [0.0, first_radius_m, 0.0]
-    if num > 1 and draw(st.booleans()):  # It enters its circle on the way to the centre.
+    if num > 2 and draw(st.booleans()):  # It enters its circle on the way to the centre.
         rows[-1] = [0.0, rows[-2, 1] + sizes[0], *rows[-2, 2:]]
     rows[:, 0] = BEGIN_S + np.cumsum(rows[:, 0])
     return SharedPlan(7, 9, rows, *sizes, first_radius_m=first_radius_m)
