@@ -26,6 +26,8 @@ from companion.kernels.threat.near_aircraft import MARGIN_M, MARGIN_UP_M, cell_a
 from companion.kernels.threat.pursuit_game import threatened_from
 from companion.kernels.workspace import FilterScratch, PathRows
 
+HEIGHT_HELD_M = 5.0  # Autopilots hold the height of a path within this.
+HIGHER_SHARE = 0.1  # The share of the time in which the aircraft is higher than planned by nearly that.
 SEEN = 0.5  # A second counts as in sight from this membership on.
 CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on climbs, as a share of that.
 AT_CENTRE = 5.0  # A second in the middle of a well clear volume costs so much more than one at its surface.
@@ -70,7 +72,10 @@ class Objective(Struct):
 
 @kernel
 def exposure(x: float, y: float, z: float, threats: Threats) -> float:
-    """The exposure m = 1 − Π(1 − μ) over the known radars, μ by (1), 0 where an obstacle hides the point."""
+    """The exposure m = 1 − Π(1 − μ) over the known radars, μ by (1), 0 where an obstacle hides the point.
+
+    Less than :data:`HEIGHT_HELD_M` below a radar's sight, :data:`HIGHER_SHARE` of μ counts.
+    """
     unseen = 1.0
     for i in range(threats.radars.shape[0]):
         if threats.known[i] == 0:
@@ -79,8 +84,12 @@ def exposure(x: float, y: float, z: float, threats: Threats) -> float:
         flat, r_max = dx * dx + dy * dy, threats.radars[i, 3]
         if flat > r_max * r_max:
             continue
-        mu = membership(math.sqrt(flat + dz * dz), dz, math.sqrt(flat), r_max, threats.radars[i, 4])
-        if mu > 0.0 and not is_hidden(x, y, z, threats.shadows[i], threats.grid):
+        away, level, k_r = math.sqrt(flat + dz * dz), math.sqrt(flat), threats.radars[i, 4]
+        mu = membership(away, dz + HEIGHT_HELD_M, level, r_max, k_r)
+        if mu > 0.0 and not is_hidden(x, y, z + HEIGHT_HELD_M, threats.shadows[i], threats.grid):
+            is_below = membership(away, dz, level, r_max, k_r) == 0.0
+            if is_below or is_hidden(x, y, z, threats.shadows[i], threats.grid):
+                mu *= HIGHER_SHARE
             unseen *= 1.0 - mu
     return 1.0 - unseen
 

@@ -86,6 +86,18 @@ def test_a_radar_that_is_not_known_or_that_is_hidden_counts_for_nothing():
     assert exposure(1000.0, 800.0, 100.0, unknown) == 0.0
 
 
+def test_just_below_a_radar_s_sight_a_tenth_counts():
+    """(1): 500 m away the boundary is 0.0001 · 500² = 25 m up; heights are held within 5 m."""
+    radar = Radar("low", (1000.0, 500.0, 0.0), 900.0, boundary_coefficient_per_m=0.0001)
+    threats = objective(radars=[radar]).threats
+
+    def mu(up):
+        return math.exp(-((math.hypot(500.0, up) / 900.0) ** 4))
+
+    for up, expected in ((26.0, mu(26.0)), (22.0, 0.1 * mu(22.0)), (19.0, 0.0)):
+        assert exposure(1000.0, 1000.0, up, threats) == pytest.approx(expected, rel=1e-12)
+
+
 def test_what_of_the_wanted_clearance_is_lacking_is_paid_for():
     """30 m from the box with 60 m wanted: half is lacking."""
     there = objective(obstacles=[BOX], near=3.0, wanted=60.0)
