@@ -70,7 +70,7 @@ def text_of_mission(mission: Composed, wishes: Wishes, description: str, head: S
     )
     lines = [
         *(f"# {printable(comment)}" for comment in comments),
-        f"name: {wishes.name}",
+        f"name: {wishes.name if yaml.safe_load(wishes.name) == wishes.name else json.dumps(wishes.name)}",
         f"description: {json.dumps(printable(description)[:DESCRIPTION_MAX])}",
         f"dimension: {mission.dimension}              # 2: at the start's height; 3: plans climb and descend",
         f"unit_m: {_number(unit)}",

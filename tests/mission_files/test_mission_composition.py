@@ -58,6 +58,12 @@ def test_home_and_a_goal_are_a_mission(tmp_path):
     assert mission.bounds.north_m == pytest.approx((-500, 500), abs=1.1)
 
 
+@pytest.mark.parametrize("name", ["7", "2026-11-28", "on", "1e3", "field-7"])
+def test_a_file_may_be_called_by_a_number_or_a_word_of_yaml(name, tmp_path):
+    text = imported([written(tmp_path, "a.geojson", collection(HOME, GOAL))], Wishes(name))
+    assert mission_from_text(text, "mine.yaml").name == name
+
+
 def test_heights_over_the_sea_count_from_homes_altitude(tmp_path):
     high = feature("goal", "Point", at(2_000.0, 0.0), altitude_amsl_m=734)
     mast = feature(
