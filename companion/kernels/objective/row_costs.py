@@ -87,8 +87,7 @@ def exposure(x: float, y: float, z: float, threats: Threats) -> float:
         away, level, k_r = math.sqrt(flat + dz * dz), math.sqrt(flat), threats.radars[i, 4]
         mu = membership(away, dz + HEIGHT_HELD_M, level, r_max, k_r)
         if mu > 0.0 and not is_hidden(x, y, z + HEIGHT_HELD_M, threats.shadows[i], threats.grid):
-            is_below = membership(away, dz, level, r_max, k_r) == 0.0
-            if is_below or is_hidden(x, y, z, threats.shadows[i], threats.grid):
+            if dz < k_r * level * level or is_hidden(x, y, z, threats.shadows[i], threats.grid):
                 mu *= HIGHER_SHARE
             unseen *= 1.0 - mu
     return 1.0 - unseen
