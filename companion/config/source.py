@@ -7,6 +7,7 @@ more digits than any value needs, and dates.
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass, field
 
@@ -25,6 +26,8 @@ _TAG = "tag:yaml.org,2002:"
 _PLAIN_NUMBER = re.compile(
     r"[-+]?(0|[1-9][0-9]*)(\.[0-9]*)?([eE][-+]?[0-9]+)?|[-+]?\.([0-9]+|inf|Inf|INF)|\.(nan|NaN|NAN)"
 )
+_PLAIN_TEXT = re.compile(r"[A-Za-z]([A-Za-z0-9 ._/-]*[A-Za-z0-9._/-])?")
+_WORDS = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n"})
 _TRUE = frozenset({"yes", "true", "on"})
 # The C parser is 40 times as fast. Where PyYAML was built without it, the other parser gives the same result.
 _Loader: type = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -54,6 +57,12 @@ def _float(written: str) -> float:
 def dotted(path: KeyPath) -> str:
     """Write a key's path as in messages: ``goals.0.east_m``."""
     return ".".join(str(part) for part in path)
+
+
+def written_text(text: str) -> str:
+    """Return text as it is written in a mission file, in quotes where it would be read as something else."""
+    is_plain = _PLAIN_TEXT.fullmatch(text) is not None and text.lower() not in _WORDS
+    return text if is_plain else json.dumps(text, ensure_ascii=False)
 
 
 @dataclass(frozen=True, slots=True)

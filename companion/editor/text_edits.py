@@ -13,13 +13,11 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import takewhile
 
-from companion.config.source import Document, KeyPath, dotted, parse
+from companion.config.source import Document, KeyPath, dotted, parse, written_text
 from companion.errors import ConfigError
 
 INDENT = 2
 EXACT_MAX = 2**53  # Whole numbers up to this are exact.
-_PLAIN_TEXT = re.compile(r"[A-Za-z]([A-Za-z0-9 ._/-]*[A-Za-z0-9._/-])?")
-_WORDS = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n"})
 
 
 @functools.lru_cache(maxsize=4)
@@ -214,8 +212,7 @@ def written(path: KeyPath, value: object) -> str:
     if isinstance(value, int | float) and math.isfinite(value):
         return _number(value)
     if isinstance(value, str):
-        is_plain = _PLAIN_TEXT.fullmatch(value) is not None and value.lower() not in _WORDS
-        return value if is_plain else json.dumps(value, ensure_ascii=False)
+        return written_text(value)
     if isinstance(value, list | tuple):
         return "[" + ", ".join(written(path, entry) for entry in value) + "]"
     if isinstance(value, dict):

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import yaml
 
 from companion.config import MissionConfig
+from companion.config.source import written_text
 from companion.mission_files.aircraft_classes import CLASSES, sections_text
 from companion.mission_files.found_places import Degrees, FoundPlace, Kind
 from companion.mission_files.mission_composition import Composed, Wishes
@@ -70,7 +71,7 @@ def text_of_mission(mission: Composed, wishes: Wishes, description: str, head: S
     )
     lines = [
         *(f"# {printable(comment)}" for comment in comments),
-        f"name: {_quoted(wishes.name)}",
+        f"name: {written_text(wishes.name)}",
         f"description: {json.dumps(printable(description)[:DESCRIPTION_MAX])}",
         f"dimension: {mission.dimension}              # 2: at the start's height; 3: plans climb and descend",
         f"unit_m: {_number(unit)}",
@@ -116,12 +117,6 @@ def _plain(words: str, others: str, filler: str) -> str:
     """Return words with accents and other characters replaced, beginning with a letter or digit."""
     plain = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode()
     return re.sub(r"^[^A-Za-z0-9]+", "", re.sub(others, filler, plain)).strip(filler)
-
-
-def _quoted(name: str) -> str:
-    """Return a name as YAML, in quotes where it would otherwise be a number, a date or true."""
-    is_plain = name[:1].isalpha() and yaml.safe_load(name) == name
-    return name if is_plain else json.dumps(name)
 
 
 class _Writer:
