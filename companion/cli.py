@@ -94,38 +94,35 @@ def write_json(target: Path, document: object) -> None:
 def check(
     mission: MissionFile,
     json_file: JsonFile = None,
+    items: Annotated[
+        Path | None, typer.Option(help="An operator's mission, .plan or .waypoints: heights over ground.")
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Write a picture to this file.")] = None,
 ) -> None:
     """Validate a mission file, and print a summary of it."""
     from companion.config import load_mission, require_goals
-    from companion.config.mission_summary import (
-        energy_table,
-        mission_budget,
-        mission_coverage,
-        mission_summary,
-        summary_table,
-    )
+    from companion.config.mission_summary import mission_summary, summary_parts
+    from companion.mission_files import items_over_ground as over_ground
 
     if plot is not None:
         from companion.config.compose import world_of
         from companion.ui.reports.plots import plot_mission
 
     config = load_mission(mission)
+    listed = [] if items is None else over_ground.items_over_ground(items, config)
     if json_file is not None:
-        write_json(json_file, mission_summary(config))
+        heights = {"items_over_ground": over_ground.items_document(listed)} if listed else {}
+        write_json(json_file, mission_summary(config) | heights)
     if json_file is None or str(json_file) != "-":
-        if config.goals_from_autopilot:
-            console.print(f"{config.name}: valid; its goals are the operator's waypoints in the autopilot")
-        else:
-            console.print(summary_table(config))
-            if (budget := mission_budget(config)) is not None:
-                console.print(energy_table(config, budget))
-            if (coverage := mission_coverage(config)) is not None:
-                console.print(f"glide, straight legs: {coverage.words}")
+        for part in summary_parts(config):
+            console.print(part)
+        if listed:
+            console.print(over_ground.items_table(listed, config))
     if plot is not None:
         require_goals(config, str(mission))
+        line = over_ground.line_of(listed, config) if listed else None
         with _writing(plot, "--plot"):
-            plot_mission(plot, config, world_of(config, none_known=False))
+            plot_mission(plot, config, world_of(config, none_known=False), line)
 
 
 @app.command()

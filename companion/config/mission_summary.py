@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from rich.table import Table
 from rich.text import Text
@@ -19,6 +21,18 @@ from companion.mission.energy_budget import EnergyBudget
 from companion.mission.glide.glide_coverage import Coverage, coverage_of_legs, coverage_of_path
 from companion.plain_text import printable
 from companion.types.path import Path
+
+
+def summary_parts(mission: MissionConfig) -> Iterator[Table | str]:
+    """Yield what ``companion check`` prints of a valid mission file."""
+    if mission.goals_from_autopilot:
+        yield f"{mission.name}: valid; its goals are the operator's waypoints in the autopilot"
+        return
+    yield summary_table(mission)
+    if (budget := mission_budget(mission)) is not None:
+        yield energy_table(mission, budget)
+    if (coverage := mission_coverage(mission)) is not None:
+        yield f"glide, straight legs: {coverage.words}"
 
 
 def mission_summary(mission: MissionConfig) -> dict[str, object]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.frames import LocalFrame
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.world.ground.autopilot_ground import AutopilotGround
@@ -122,7 +123,10 @@ def operator_of(
 
 
 def position_of(
-    item: MissionItem, frame: LocalFrame, home_amsl_m: float | None, ground: AutopilotGround | None = None
+    item: MissionItem,
+    frame: LocalFrame,
+    home_amsl_m: float | None,
+    ground: AutopilotGround | GroundHeights | None = None,
 ) -> tuple[float, float, float] | None:
     """Return east, north, up of an item [m]; None if it has no position or its height is not known."""
     altitude = altitude_amsl_of(item, home_amsl_m)

@@ -70,10 +70,11 @@ def take_items(importer: Importer, items: Sequence[Item]) -> None:
             _take_point(importer, item)
         else:
             words = _REASONS.get(item.command, "a mission file has no such command")  # type: ignore[call-overload]
-            importer.leave(_title(item), item.label, words)
+            importer.leave(title_of(item), item.label, words)
 
 
-def _title(item: Item) -> str:
+def title_of(item: Item) -> str:
+    """Return the name and the number of an item's command."""
     name = name_of(Command, item.command)
     return f"command {item.command}" if name.startswith("result") else f"{name} ({item.command})"
 
@@ -99,7 +100,7 @@ def _take_point(importer: Importer, item: Item) -> None:
     """Take a waypoint, a loiter or a take-off, with its height."""
     if item.frame not in (*_OVER_SEA, *_OVER_HOME):
         reason = f"its height is in frame {item.frame}, over terrain; give it over home or the sea"
-        importer.leave(_title(item), item.label, reason)
+        importer.leave(title_of(item), item.label, reason)
         return
     key = "altitude_amsl_m" if item.frame in _OVER_SEA else "up_m"
     values: dict[str, object] = {
@@ -109,7 +110,7 @@ def _take_point(importer: Importer, item: Item) -> None:
     if item.command in _TAKEOFFS:
         importer.add(Kind.TAKEOFF, [place], "", values, item.label)
     elif place == (0.0, 0.0):  # To an autopilot: where it is.
-        importer.leave(_title(item), item.label, "it has no place")
+        importer.leave(title_of(item), item.label, "it has no place")
     else:
         importer.add(Kind.GOAL, [place], "", values | _goal_values(importer, item), item.label)
 
@@ -118,7 +119,7 @@ def _goal_values(importer: Importer, item: Item) -> dict[str, object]:
     """Return the acceptance radius of a waypoint; what a goal does not do is remarked."""
     if item.command in _LOITERS:
         importer.remark(
-            f"{item.label} {_title(item)}", "taken as a point to reach; the circling is not taken"
+            f"{item.label} {title_of(item)}", "taken as a point to reach; the circling is not taken"
         )
         return {}
     hold, radius = (importer.number(item.label, item.parameters[n] or 0.0) for n in (0, 1))

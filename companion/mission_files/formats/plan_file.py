@@ -35,10 +35,7 @@ def take_plan(importer: Importer, data: bytes) -> None:
     ConfigError
         If it is broken, of another version, or a value in it is wrong.
     """
-    document = json_document(importer, data)
-    if document.get("fileType") != "Plan":
-        raise importer.error("fileType", document.get("fileType"), "Plan, as QGroundControl writes it")
-    _check_version(importer, "version", document, PLAN_VERSION)
+    document = _plan(importer, data)
     own = document.get(OWN_KEY)
     if isinstance(own, dict):
         if own.get("digest") == _digest(document) and isinstance(own.get("places"), dict):
@@ -47,16 +44,40 @@ def take_plan(importer: Importer, data: bytes) -> None:
         words = "the plan was changed since; names, heights and radars in it are not taken"
         importer.remark(f"key {OWN_KEY}", words)
     mission = _section(importer, document, "mission")
-    _check_version(importer, "mission.version", mission, MISSION_VERSION)
-    _take_home(importer, mission)
+    items = _mission_items(importer, mission)
     for key in ("cruiseSpeed", "hoverSpeed"):
         if mission.get(key):
             importer.leave(f"mission.{key} {mission[key]}", "", "airspeeds are those of the section vehicle")
-    take_items(importer, list(_items(importer, mission.get("items"), "mission.items", "item ")))
+    take_items(importer, items)
     if document.get("geoFence") is not None:
         _take_fence(importer, _section(importer, document, "geoFence"))
     if document.get("rallyPoints") is not None:
         _take_rally(importer, _section(importer, document, "rallyPoints"))
+
+
+def items_of_plan(importer: Importer, data: bytes) -> Sequence[Item]:
+    """Return the items of a plan; its home is taken as a place.
+
+    Raises
+    ------
+    ConfigError
+        If it is broken, of another version, or a value in it is wrong.
+    """
+    return _mission_items(importer, _section(importer, _plan(importer, data), "mission"))
+
+
+def _plan(importer: Importer, data: bytes) -> dict[str, object]:
+    document = json_document(importer, data)
+    if document.get("fileType") != "Plan":
+        raise importer.error("fileType", document.get("fileType"), "Plan, as QGroundControl writes it")
+    _check_version(importer, "version", document, PLAN_VERSION)
+    return document
+
+
+def _mission_items(importer: Importer, mission: Mapping[str, object]) -> Sequence[Item]:
+    _check_version(importer, "mission.version", mission, MISSION_VERSION)
+    _take_home(importer, mission)
+    return _items(importer, mission.get("items"), "mission.items", "item ")
 
 
 def _check_version(importer: Importer, key: str, section: Mapping[str, object], version: int) -> None:

@@ -18,7 +18,12 @@ _COMMAND_MAX = 65_535
 
 
 def take_waypoints(importer: Importer, data: bytes) -> None:
-    """Take the items of a waypoint file.
+    """Take the places of a waypoint file; errors as those of :func:`items_of_waypoints`."""
+    take_items(importer, items_of_waypoints(importer, data))
+
+
+def items_of_waypoints(importer: Importer, data: bytes) -> list[Item]:
+    """Return the items of a waypoint file; its home is taken as a place.
 
     Raises
     ------
@@ -47,7 +52,7 @@ def take_waypoints(importer: Importer, data: bytes) -> None:
             continue
         label = f"item {index:g}"
         items.append(Item(label, int(command), int(frame), parameters[:4], latitude, longitude, altitude))
-    take_items(importer, items)
+    return items
 
 
 def _take_home(importer: Importer, latitude: float, longitude: float, altitude_m: float) -> None:

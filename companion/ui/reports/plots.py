@@ -30,15 +30,36 @@ NUM_REACH_CIRCLES_MAX = 400
 NUM_BOLD_HORIZONS_MAX = 12
 
 
-def plot_mission(path: Path, mission: MissionConfig, snapshot: Snapshot) -> None:
-    """Draw what a mission file describes, as a PNG."""
+def plot_mission(
+    path: Path, mission: MissionConfig, snapshot: Snapshot, items_enu_m: FloatArray | None = None
+) -> None:
+    """Draw what a mission file describes, as a PNG.
+
+    Over ground a profile shows the straight way, or the operator's items if their positions are given.
+
+    Parameters
+    ----------
+    path : Path
+        The picture.
+    mission : MissionConfig
+        The mission file.
+    snapshot : Snapshot
+        The mission file's world.
+    items_enu_m : ndarray, shape (N, 3), optional
+        Positions of the operator's items [m].
+    """
     with style.drawing():
         height = min(max(float(mission.start.up_m), snapshot.bounds[4]), snapshot.bounds[5])
         sheet = new_sheet(mission, snapshot, height, mission.name)
         _draw_mission_threats(sheet, mission)
+        line, name = straight_way(mission), "straight way"
+        if items_enu_m is not None:
+            line, name = items_enu_m, "operator's items"
+            sheet.axes.plot(line[:, 0], line[:, 1], color=style.FLOWN, lw=1.8, zorder=8)
+            sheet.entry(name, color=style.FLOWN, lw=1.8)
         sheet.finish()
         if (heights := ground_heights_of(mission)) is not None:
-            add_profile(sheet, heights, straight_way(mission), "straight way", style.FLOWN)
+            add_profile(sheet, heights, line, name, style.FLOWN)
         style.write_picture(path, sheet.figure)
 
 
