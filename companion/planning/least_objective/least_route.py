@@ -50,10 +50,9 @@ FINDING = (Patience(1.15, 2_000), Patience(2.0, 8_000), Patience(4.0, 10_000))
 # Where nothing pursues, gaps are avoided before the last tree. Else another airspeed is tried.
 FINDING_ALONE = (*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2])
 # Over ground, where the aircraft climbs and sinks all the time, short motions make a tree far too large. Its
-# motions are about as long as the cells of V.
+# motions are about as long as the cells of V. Short ones that follow V closely find the way through the rest.
 FINDING_NEAR_GROUND = (
-    Patience(1.2, 3_000, stride=3), Patience(2.0, 10_000, stride=4), Patience(1.5, 6_000, stride=2),
-    Patience(2.0, 10_000), Patience(1.1, 40_000, stride=2),
+    Patience(1.2, 3_000, stride=3), Patience(2.0, 10_000, stride=4), Patience(3.0, 40_000)
 )  # fmt: skip
 IMPROVING = Patience(1.02, 8_000)
 # Before pursuers, more gains nothing measurable; two of 50 flights under faults then flew out of the bounds.

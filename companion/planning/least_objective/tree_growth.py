@@ -27,7 +27,7 @@ from companion.types.plan import SearchTrace
 GOAL_SHARE = 0.75
 LEAST_EXTENDED = 2_000  # So many nodes are extended however late it is: some 10 ms.
 BURST = 500  # So many nodes are extended between two looks at the time.
-TABLE = 2**17  # The table has so many cells, several times as many as a tree needs.
+MOTIONS = 9  # A node is extended by at most so many motions, each to a cell.
 # For each node that is extended, the tree has room for at most so many rows for each step of a motion.
 ROWS_EACH = 12
 
@@ -93,10 +93,11 @@ class ObjectiveTree:
         nodes.turn[0], nodes.straight[0], nodes.parent[0] = root.turn[0], root.straight[0], -1
         nodes.cost[0], nodes.stage[0], nodes.seen[0] = 0.0, 0, 0.0
         nodes.level[0] = root.level[0]
+        size = 1 << (MOTIONS * self._most).bit_length()  # More cells than the tree can have.
         goals = [[*goal.position_enu_m, GOAL_SHARE * goal.acceptance_radius_m] for goal in problem.goals]
         self._search = BestFirst(
             nodes=nodes,
-            cells=Cells(np.zeros(TABLE, dtype=np.int64), np.empty(TABLE), np.empty(TABLE)),
+            cells=Cells(np.zeros(size, dtype=np.int64), np.empty(size), np.empty(size)),
             heap=Heap(np.zeros(num), np.zeros(num, dtype=np.int64)),
             sizes=np.ones(2, dtype=np.int64),
             field=field,
