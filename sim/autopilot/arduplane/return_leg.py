@@ -67,7 +67,7 @@ def closest_leg(
 def _closest_on(
     walked: Sequence[MissionItem], position_of: Callable[[MissionItem], Target], here: Target
 ) -> tuple[int | None, float]:
-    """Sequence of the end of the closest leg of one path, and its distance [m]; it ends with a landing."""
+    """Sequence of the end of the closest leg of one path, and its distance [m]."""
     end, away, before = None, math.inf, None
     for item in walked:
         if _is_placed(item):
@@ -76,8 +76,6 @@ def _closest_on(
             if distance < away:
                 end, away = item.sequence, distance
             before = place
-        if item.command in (Command.NAV_LAND, Command.DO_LAND_START):
-            break
     return end, away
 
 
@@ -87,7 +85,7 @@ def _is_placed(item: MissionItem) -> bool:
 
 
 def _walk(items: Sequence[MissionItem], sequence: int) -> Iterator[MissionItem]:
-    """Items from one on, jumps followed; it ends with the list or at a jump to no item.
+    """Items from one on, jumps followed; it ends with a landing, the list, or at a jump to no item.
 
     A jump to a tag leads nowhere: no item has one here.
     """
@@ -98,6 +96,8 @@ def _walk(items: Sequence[MissionItem], sequence: int) -> Iterator[MissionItem]:
             return
         if item.command != Command.DO_JUMP:
             yield item
+            if item.command in (Command.NAV_LAND, Command.DO_LAND_START):
+                return
             sequence += 1
             continue
         target, jumps = int(item.parameters[0] or 0), jumps + 1
