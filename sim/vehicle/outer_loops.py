@@ -146,6 +146,7 @@ class EnergyControl:
 
     _HEIGHT_TIME_S = 3.0
     _SPEED_TIME_S = 2.5
+    _ENERGY_TIME_S = 2.0
 
     def __init__(self, airframe: Airframe, period_s: float, height_m: float) -> None:
         self.limits = EnergyLimits()
@@ -157,6 +158,8 @@ class EnergyControl:
         self._pitch_integral = 0.0
         self._throttle_integral = 0.0
         self._is_underspeed = False
+        self._energy_m: float | None = None
+        self._energy_rate_m_s = 0.0
 
     def update(
         self,
@@ -176,6 +179,7 @@ class EnergyControl:
         # The pitot's noise is not to shake the throttle.
         previous = estimate.airspeed_m_s if self._speed_m_s is None else self._speed_m_s
         speed = self._speed_m_s = previous + 0.3 * (estimate.airspeed_m_s - previous)
+        self._note_energy(estimate)
         speed_error = airspeed_m_s - speed
         acceleration = speed_error / self._SPEED_TIME_S
         acceleration = max(-limits.acceleration_m_s2, min(limits.acceleration_m_s2, acceleration))
@@ -207,16 +211,23 @@ class EnergyControl:
         is_below = estimate.up_m < self._height_m
         self._is_underspeed = (is_slow and throttle >= THROTTLE_OPEN) or (self._is_underspeed and is_below)
 
+    def _note_energy(self, estimate: Estimate) -> None:
+        """Estimate how fast height and speed are lost together, by the lag of a filter."""
+        energy = estimate.up_m + estimate.true_airspeed_m_s**2 / (2.0 * GRAVITY_M_S2)
+        lagging = energy if self._energy_m is None else self._energy_m
+        self._energy_rate_m_s = (energy - lagging) / self._ENERGY_TIME_S
+        self._energy_m = lagging + self._energy_rate_m_s * self._period_s
+
     def _glide_angle(self, estimate: Estimate, airspeed_m_s: float) -> float:
-        """Flight path angle [rad] that keeps an airspeed without thrust: in underspeed the lowest one."""
-        limits, airframe = self.limits, self._airframe
-        wanted = limits.airspeed_min_m_s if self._is_underspeed else airspeed_m_s
+        """Flight path angle [rad] that keeps an airspeed without thrust: in underspeed the lowest one.
+
+        What is lost is measured, since in sinking air more is lost than by drag.
+        """
+        wanted = self.limits.airspeed_min_m_s if self._is_underspeed else airspeed_m_s
         speed = estimate.airspeed_m_s if self._speed_m_s is None else self._speed_m_s
-        acceleration = (wanted - speed) / self._SPEED_TIME_S
-        acceleration = max(-limits.acceleration_m_s2, min(limits.acceleration_m_s2, acceleration))
-        lift = airframe.lift_coefficient(max(speed, 8.0), load_factor(estimate.bank_rad))
-        drag = airframe.drag_n(speed, lift) / (airframe.mass_kg * GRAVITY_M_S2)
-        return -drag - acceleration / GRAVITY_M_S2
+        most = self.limits.acceleration_m_s2
+        acceleration = max(-most, min(most, (wanted - speed) / self._SPEED_TIME_S))
+        return self._energy_rate_m_s / max(estimate.true_airspeed_m_s, 8.0) - acceleration / GRAVITY_M_S2
 
     def _climb_demand(self, estimate: Estimate, height_m: float) -> float:
         """Climb rate [m/s] that follows the demanded height, moved no faster than the limits."""

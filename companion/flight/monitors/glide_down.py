@@ -30,6 +30,7 @@ from companion.mission.glide.glide_mission import (
     glide_waypoints,
 )
 from companion.mission.glide.glide_progress import (
+    TURN_BEGINS_S,
     begin_of,
     best_place,
     circle_is_due,
@@ -196,11 +197,13 @@ class GlideDown:
     async def carry_out(self) -> None:
         """Hand the mission to the chosen place over, or begin the final, if that is due."""
         state, choice, options = self._flight.state, self._choice, self._options
-        if choice is None or options is None or not self._may_command(state):
+        ownship = self._world_model.ownship.state(self._clock.now_s())
+        if choice is None or options is None or ownship is None or not self._may_command(state):
             return
+        entry = begin_of(options, ownship, TURN_BEGINS_S)
         if self._stage is Stage.CHOSEN:
-            await self._hand_over(state, choice)
-        elif self._stage is Stage.FLOWN and final_is_due(options, choice):
+            await self._hand_over(state, choice, ownship)
+        elif self._stage is Stage.FLOWN and final_is_due(options, choice, entry):
             await self._make_current(choice, LAND_ITEM, Stage.FINAL)
         elif self._stage is Stage.FINAL:
             await self._correct_final(options, choice)
@@ -218,11 +221,10 @@ class GlideDown:
             self._turned_s = now
             await self._make_current(choice, LAND_ITEM, Stage.FINAL)
 
-    async def _hand_over(self, state: FlightState, choice: LandingChoice) -> None:
+    async def _hand_over(self, state: FlightState, choice: LandingChoice, ownship: Ownship) -> None:
         """Hand over the mission to the chosen place."""
         self._next_s = self._clock.now_s() + AGAIN_S
-        ownship = self._world_model.ownship.state(self._clock.now_s())
-        if ownship is None or not self._handover.is_settled():
+        if not self._handover.is_settled():
             return
         is_known, _ = await self._handover.reader.knows_mission()
         if not is_known:

@@ -13,16 +13,18 @@ from companion.mission.glide.landing_choice import (
     LandingChoice,
     best_field,
     choice_for,
+    likely_ways,
     narrowest_m,
     open_ground,
 )
 from companion.tracking.ownship import predicted
 from companion.types.state import Ownship
-from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, glide_to
+from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, GlideModel, glide_to
 
 # The final begins when the height that would be left over the field is less than this, and so much for each
 # second of the glide to it: air that rises or sinks may change the rate of sink by so much.
 FINAL_M, FINAL_M_S = 1.0, 0.25
+TURN_BEGINS_S = 1.5  # The autopilot takes this long to take a command and to roll into a turn.
 # A final that would leave more than this goes back towards the circle, unless the field is nearer than so
 # many turn radii: a turn could then contain it. It does so only once it points at the field so closely.
 HIGH_M, HIGH_M_S, NEAR_RADII, POINTED_RAD = 3.0, 0.35, 1.7, math.radians(60.0)
@@ -114,13 +116,30 @@ def is_past(choice: LandingChoice) -> bool:
     return ahead < 0.0 and up - ground > BACK_MIN_M
 
 
-def final_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
+def final_is_due(options: GlideOptions, choice: LandingChoice, entry: Begin) -> bool:
     """Return whether the glide straight to the field needs all of the height, and is clear.
 
     A final whose turn is not clear waits for another place on the circle.
+
+    Parameters
+    ----------
+    options : GlideOptions
+        The glide and the obstacles.
+    choice : LandingChoice
+        The field, from where the aircraft is now.
+    entry : Begin
+        Where the turn to the field begins, :data:`TURN_BEGINS_S` later.
     """
     is_below = choice.spare_m <= FINAL_M + FINAL_M_S * min(choice.direct.duration_s, CORRECTED_S)
-    return is_below and is_clear_now(options, choice, choice.direct)
+    if not is_below:
+        return False
+    ways = likely_ways(_as_flown(options.model), entry, choice.place.position_enu_m)
+    return all(is_clear_now(options, choice, way) for way in ways or [choice.direct])
+
+
+def _as_flown(model: GlideModel) -> GlideModel:
+    """Return the glide with turns as narrow as autopilots fly them."""
+    return replace(model, turn_radius_m=min(model.turn_radius_m, narrowest_m(model.airspeed_m_s)))
 
 
 def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> LandingChoice:
@@ -129,10 +148,12 @@ def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> Land
     The turn to the field is as narrow as autopilots fly it: with a wider one a final would arrive too high.
     """
     model = options.model
-    narrow = replace(model, turn_radius_m=min(model.turn_radius_m, narrowest_m(model.airspeed_m_s)))
     direct, to_circle = (
         glide_to(of, begin.position_enu_m, begin.heading_rad, place[:2], begin.wind_enu_m_s)
-        for of, place in ((narrow, choice.place.position_enu_m), (model, choice.approach.centre_enu_m))
+        for of, place in (
+            (_as_flown(model), choice.place.position_enu_m),
+            (model, choice.approach.centre_enu_m),
+        )
     )
     if direct is None:  # The field lies within the circle of a turn: what was last known is lost from here.
         direct = replace(choice.direct, begin_enu_m=begin.position_enu_m, heading_rad=begin.heading_rad)

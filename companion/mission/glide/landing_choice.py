@@ -27,7 +27,7 @@ from companion.assurance.surroundings.ground_heights import GroundHeights
 from companion.frames import FloatArray
 from companion.mission.glide.glide_ground import is_circle_over_ground, is_glide_over_ground, is_level
 from companion.types.threat import Obstacle
-from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, GlideModel, glide_to
+from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, GlideModel, glide_to, glides_to
 
 RESERVE_M = 20.0  # Height over a field that must be left by the model: wind and ratio are not known exactly.
 # Circles need this bank where the wind makes them fastest: autopilots allow 45° or more.
@@ -41,6 +41,9 @@ RING_MARGIN_M = 25.0  # Distance that circles keep from obstacles: an aircraft e
 ROOMY_MARGIN_M = 70.0  # Circles with so much room are preferred: a final may begin with a turn outwards.
 TRACK_MARGIN_M = 25.0  # Distance that glides keep from obstacles: they begin a little elsewhere.
 LOW_SHARE = 0.15  # A glide is checked as well with so much more loss of height.
+# If one turn to a place takes at most this much longer than the other, the autopilot may choose either: it
+# chooses a little later, and on another course.
+EITHER_TURN_S = 4.0
 # Open ground is sought on so many courses, at these shares of the reach.
 OPEN_COURSES, OPEN_SHARES = 16, (0.9, 0.7, 0.5, 0.3, 0.15)
 OPEN_RADIUS_M = 60.0  # Radius of a place on open ground.
@@ -270,19 +273,35 @@ def choice_for(options: GlideOptions, begin: Begin, place: LandingPlace) -> Land
     ground = place.position_enu_m[2]
     if direct is None or direct.arrival_up_m < ground or not options.is_glide_clear(direct, place):
         return None
-    rated: list[tuple[bool, float, int, LandingChoice]] = []
+    rated: list[tuple[bool, float, int, LandingChoice, list[Glide]]] = []
     for number, approach in enumerate(options.approaches(place, begin.wind_enu_m_s)):
-        there = _glide(options.model, begin, approach.centre_enu_m)
-        if there is None:
+        ways = likely_ways(options.model, begin, approach.centre_enu_m)
+        if not ways:
             continue
-        found = LandingChoice(place, direct, there, approach)
+        found = LandingChoice(place, direct, ways[0], approach)
         left = _left_m(options.model, found, begin.wind_enu_m_s)
         is_easy = left >= RESERVE_M and not _is_overhead(found)
-        rated.append((not is_easy, float(number) if is_easy else -left, number, found))
-    for *_, found in sorted(rated, key=lambda entry: entry[:3]):
-        if options.is_glide_clear(found.to_circle, place):
+        rated.append((not is_easy, float(number) if is_easy else -left, number, found, ways))
+    for *_, found, ways in sorted(rated, key=lambda entry: entry[:3]):
+        if all(options.is_glide_clear(way, place) for way in ways):
             return found
     return None
+
+
+def likely_ways(model: GlideModel, begin: Begin, place_enu_m: Place) -> list[Glide]:
+    """Return the glides over a place with the turns that the autopilot may choose, the shorter first.
+
+    Parameters
+    ----------
+    model : GlideModel
+        The glide.
+    begin : Begin
+        Where it begins.
+    place_enu_m : tuple of float
+        East, north, up of the place [m].
+    """
+    ways = glides_to(model, begin.position_enu_m, begin.heading_rad, place_enu_m[:2], begin.wind_enu_m_s)
+    return [way for way in ways if way.duration_s <= ways[0].duration_s + EITHER_TURN_S]
 
 
 def _glide(model: GlideModel, begin: Begin, place: Place) -> Glide | None:

@@ -180,6 +180,22 @@ def glide_to(
 ) -> Glide | None:
     """Return the shortest turn and straight glide over a place; None if the wind keeps the aircraft from it.
 
+    Parameters are those of :func:`glides_to`.
+    """
+    return next(iter(glides_to(model, begin_enu_m, heading_rad, place_enu_m, wind_enu_m_s)), None)
+
+
+def glides_to(
+    model: GlideModel,
+    begin_enu_m: tuple[float, float, float],
+    heading_rad: float,
+    place_enu_m: tuple[float, float],
+    wind_enu_m_s: tuple[float, float],
+) -> list[Glide]:
+    """Return glides over a place that begin with a turn to either side, the shorter first.
+
+    The list has no glide that the wind keeps from the place.
+
     Parameters
     ----------
     model : GlideModel
@@ -194,13 +210,16 @@ def glide_to(
         Velocity of the air, east and north [m/s].
     """
     away = place_enu_m[0] - begin_enu_m[0], place_enu_m[1] - begin_enu_m[1]
-    arrivals = [_arrival(model, heading_rad, away, wind_enu_m_s, side) for side in (1.0, -1.0)]
-    found = [way for way in arrivals if way is not None]
-    if not found:
-        return None
-    turned, turn_s, straight_s = min(found, key=lambda way: way[1] + way[2])
-    lost = turn_s * model.turn_sink_m_s + straight_s * model.sink_m_s
-    return Glide(begin_enu_m, heading_rad, turned, turn_s, straight_s, lost, model, wind_enu_m_s)
+    found = []
+    for side in (1.0, -1.0):
+        way = _arrival(model, heading_rad, away, wind_enu_m_s, side)
+        if way is not None:
+            turned, turn_s, straight_s = way
+            lost = turn_s * model.turn_sink_m_s + straight_s * model.sink_m_s
+            found.append(
+                Glide(begin_enu_m, heading_rad, turned, turn_s, straight_s, lost, model, wind_enu_m_s)
+            )
+    return sorted(found, key=lambda glide: glide.duration_s)
 
 
 def _arrival(

@@ -24,6 +24,9 @@ TWO = (
     "fields: [{name: meadow, east_m: 1000, north_m: 0, up_m: 0, radius_m: 80},"
     " {name: strip, east_m: 900, north_m: 900, up_m: 30, radius_m: 60}]"
 )
+BESIDE = """obstacles:
+  - {name: wall, polygon_enu_m: [[-400, 50], [400, 50], [400, 90], [-400, 90]], base_m: 0, top_m: 400}
+"""
 PEOPLE = "people: [{name: village, polygon_enu_m: [[-900, -300], [900, -300], [900, -2000], [-900, -2000]]}]"
 
 
@@ -127,8 +130,24 @@ def test_the_heading_is_that_through_the_air():
 def test_the_final_is_due_when_no_height_is_left_and_not_before():
     options = options_of()
     found = best_field(options, at(200.0))
-    assert not final_is_due(options, found)
-    assert final_is_due(options, from_now(options, at(101.0), found))
+    assert not final_is_due(options, found, at(197.0, place=(30.0, 0.0)))
+    assert final_is_due(options, from_now(options, at(101.0), found), at(98.0, place=(30.0, 0.0)))
+
+
+def test_a_final_waits_while_either_turn_to_the_field_meets_a_wall():
+    """The field is behind, so that the autopilot may turn to either side, and the wall is on one."""
+    options, begin = options_of(extra=BESIDE), at(112.0, heading=-EAST)
+    found = from_now(options, begin, best_field(options_of(), at(200.0)))
+    assert not final_is_due(options, found, begin)
+    assert final_is_due(options_of(), found, begin)
+    assert final_is_due(options, found, begin._replace(heading_rad=-0.5 * math.pi - 1.0))  # To the left.
+
+
+def test_no_field_is_chosen_if_the_autopilot_may_turn_into_a_wall_on_the_way():
+    options = options_of(extra=BESIDE)
+    assert best_field(options_of(), at(300.0, heading=-EAST)).place.name == "meadow"
+    assert best_field(options, at(300.0, heading=-EAST)) is None
+    assert best_field(options, at(300.0, heading=-0.5 * math.pi - 1.0)).to_circle.turned_rad < 0.0
 
 
 def test_a_final_that_is_too_high_goes_back_to_the_circle_while_the_field_is_far():

@@ -40,6 +40,16 @@ def test_in_a_descent_it_glides_at_the_commanded_airspeed():
     assert after.true_airspeed_m_s / sink == pytest.approx(11.2, rel=0.03)
 
 
+def test_in_sinking_air_it_keeps_the_airspeed_and_sinks_with_the_air():
+    """Air that sinks by 1.5 m/s takes as much height besides the glide's own 1.6 m/s."""
+    simulator, flight = calm()
+    flight.dynamics._executive["atmosphere/wind-down-fps"] = 1.5 / 0.3048
+    flown(simulator, flight, 60.0, 15.0)
+    before, after = flown(simulator, flight, 60.0, 10.0)
+    assert after.equivalent_airspeed_m_s == pytest.approx(AIRSPEED_M_S, abs=0.4)
+    assert (before.up_m - after.up_m) / 10.0 == pytest.approx(18.0 / 11.2 + 1.5, abs=0.3)
+
+
 def test_while_it_has_to_keep_its_height_it_slows_to_underspeed_and_then_sinks_at_the_lowest_airspeed():
     """AIRSPEED_MIN is 12 m/s, and underspeed below 10.8."""
     simulator, flight = calm()
