@@ -139,13 +139,17 @@ class GlideDown:
         self._choose(options, state, ownship)
 
     def _choose(self, options: GlideOptions, state: FlightState, ownship: Ownship) -> None:
-        """Keep the chosen place while it is within reach, else choose another."""
+        """Keep the chosen place while it is within reach, else choose another.
+
+        The glide to another place begins when its mission is entered.
+        """
         before, is_flown = self._choice, self._stage in (Stage.FLOWN, Stage.FINAL)
-        begin = begin_of(options, ownship, 0.0 if is_flown else LEAD_S)
+        entry = begin_of(options, ownship, LEAD_S)
+        begin = begin_of(options, ownship) if is_flown else entry
         kept = None if before is None else from_now(options, begin, before)
         if not self._is_bound:
             is_final = self._stage is Stage.FINAL
-            kept = self._unless_hasty(best_place(options, begin, kept, on_final=is_final), kept)
+            kept = self._unless_hasty(best_place(options, entry, kept, on_final=is_final), kept)
         self._take(kept, options, ownship)
         if self.is_commanded and state.mode is Mode.ACTIVE:
             self._handover.reserve(is_reserved=True)

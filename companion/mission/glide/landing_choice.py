@@ -24,7 +24,7 @@ import shapely
 
 from companion.assurance.checker import Checker
 from companion.assurance.surroundings.ground_heights import GroundHeights
-from companion.frames import FloatArray
+from companion.frames import FloatArray, wrapped_angle
 from companion.mission.glide.glide_ground import is_circle_over_ground, is_glide_over_ground, is_level
 from companion.types.threat import Obstacle
 from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, GlideModel, glide_to, glides_to
@@ -41,9 +41,8 @@ RING_MARGIN_M = 25.0  # Distance that circles keep from obstacles: an aircraft e
 ROOMY_MARGIN_M = 70.0  # Circles with so much room are preferred: a final may begin with a turn outwards.
 TRACK_MARGIN_M = 25.0  # Distance that glides keep from obstacles: they begin a little elsewhere.
 LOW_SHARE = 0.15  # A glide is checked as well with so much more loss of height.
-# If one turn to a place takes at most this much longer than the other, the autopilot may choose either: it
-# chooses a little later, and on another course.
-EITHER_TURN_S = 4.0
+# To a place this far behind, by heading or by course, the autopilot may turn to either side.
+EITHER_TURN_RAD = math.radians(135.0)
 # Open ground is sought on so many courses, at these shares of the reach.
 OPEN_COURSES, OPEN_SHARES = 16, (0.9, 0.7, 0.5, 0.3, 0.15)
 OPEN_RADIUS_M = 60.0  # Radius of a place on open ground.
@@ -301,7 +300,12 @@ def likely_ways(model: GlideModel, begin: Begin, place_enu_m: Place) -> list[Gli
         East, north, up of the place [m].
     """
     ways = glides_to(model, begin.position_enu_m, begin.heading_rad, place_enu_m[:2], begin.wind_enu_m_s)
-    return [way for way in ways if way.duration_s <= ways[0].duration_s + EITHER_TURN_S]
+    (east, north), heading, speed = begin.position_enu_m[:2], begin.heading_rad, model.airspeed_m_s
+    bearing = math.atan2(place_enu_m[0] - east, place_enu_m[1] - north)
+    wind_east, wind_north = begin.wind_enu_m_s
+    course = math.atan2(speed * math.sin(heading) + wind_east, speed * math.cos(heading) + wind_north)
+    behind = max(abs(wrapped_angle(bearing - angle)) for angle in (heading, course))
+    return ways if behind >= EITHER_TURN_RAD else ways[:1]
 
 
 def _glide(model: GlideModel, begin: Begin, place: Place) -> Glide | None:
