@@ -13,6 +13,7 @@ from companion.mission.glide.landing_choice import (
     LandingChoice,
     best_field,
     choice_for,
+    left_after_circle_m,
     likely_ways,
     narrowest_m,
     open_ground,
@@ -25,9 +26,9 @@ from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, GlideModel, glide
 # second of the glide to it: air that rises or sinks may change the rate of sink by so much.
 FINAL_M, FINAL_M_S = 1.0, 0.25
 TURN_BEGINS_S = 1.5  # The autopilot takes this long to take a command and to roll into a turn.
-# A final that would leave more than this goes back towards the circle, unless the field is nearer than so
-# many turn radii: a turn could then contain it. It does so only once it points at the field so closely.
-HIGH_M, HIGH_M_S, NEAR_RADII, POINTED_RAD = 3.0, 0.35, 1.7, math.radians(60.0)
+# A final goes back to the circle only once it points at the field so closely, and from farther than so many
+# turn radii: a turn could contain a nearer field.
+NEAR_RADII, POINTED_RAD = 1.7, math.radians(60.0)
 CORRECTED_S = 30.0  # Longer glides count as this long: what the air does averages out.
 BOUND_RADII = 6.0  # Nearer than so many radii of the circle, a final is flown to its end.
 THERE_RADII = 2.3  # Nearer than so many radii to the field or its circle, no other place is chosen.
@@ -101,11 +102,14 @@ def is_clear_now(options: GlideOptions, choice: LandingChoice, glide: Glide) -> 
 
 
 def circle_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
-    """Return whether the aircraft on its final is too high, and far enough for another turn that is clear."""
-    is_above = choice.spare_m > HIGH_M + HIGH_M_S * min(choice.direct.duration_s, CORRECTED_S)
-    is_above = is_above and abs(choice.direct.turned_rad) < POINTED_RAD
+    """Return whether the aircraft on its final is too high, and far enough for another turn that is clear.
+
+    It is too high if it would come down nearer to the field by way of the circle.
+    """
+    is_above = -choice.spare_m < left_after_circle_m(_as_flown(options.model), choice)
+    is_pointed = abs(choice.direct.turned_rad) < POINTED_RAD
     is_far = choice.away_m > NEAR_RADII * choice.direct.model.turn_radius_m
-    return is_above and is_far and is_clear_now(options, choice, choice.to_circle)
+    return is_above and is_pointed and is_far and is_clear_now(options, choice, choice.to_circle)
 
 
 def is_past(choice: LandingChoice) -> bool:

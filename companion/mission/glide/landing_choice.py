@@ -278,7 +278,7 @@ def choice_for(options: GlideOptions, begin: Begin, place: LandingPlace) -> Land
         if not ways:
             continue
         found = LandingChoice(place, direct, ways[0], approach)
-        left = _left_m(options.model, found, begin.wind_enu_m_s)
+        left = left_after_circle_m(options.model, found)
         is_easy = left >= RESERVE_M and not _is_overhead(found)
         rated.append((not is_easy, float(number) if is_easy else -left, number, found, ways))
     for *_, found, ways in sorted(rated, key=lambda entry: entry[:3]):
@@ -312,14 +312,21 @@ def _glide(model: GlideModel, begin: Begin, place: Place) -> Glide | None:
     return glide_to(model, begin.position_enu_m, begin.heading_rad, place[:2], begin.wind_enu_m_s)
 
 
-def _left_m(model: GlideModel, choice: LandingChoice, wind_enu_m_s: Wind) -> float:
-    """Return the height left over the field if the aircraft turns back to it from the circle's middle [m]."""
+def left_after_circle_m(model: GlideModel, choice: LandingChoice) -> float:
+    """Return the height left over the field if the aircraft turns back to it from the circle's middle [m].
+
+    Parameters
+    ----------
+    model : GlideModel
+        The glide.
+    choice : LandingChoice
+        The field, with the glide to the circle.
+    """
     there = choice.to_circle
     at = (*choice.approach.centre_enu_m[:2], there.arrival_up_m)
-    back = glide_to(
-        model, at, there.heading_rad + there.turned_rad, choice.place.position_enu_m[:2], wind_enu_m_s
-    )
-    return -math.inf if back is None else back.arrival_up_m - choice.place.position_enu_m[2]
+    place, wind = choice.place.position_enu_m, there.wind_enu_m_s
+    back = glide_to(model, at, there.heading_rad + there.turned_rad, place[:2], wind)
+    return -math.inf if back is None else back.arrival_up_m - place[2]
 
 
 def _is_overhead(choice: LandingChoice) -> bool:
