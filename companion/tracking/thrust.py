@@ -52,7 +52,9 @@ WORKING_SHARE = 0.15  # With less throttle little thrust is expected.
 SAME_THROTTLE = 0.03  # A throttle that is lower by less counts as the same.
 STILL_S = 1.0  # An engine that reported a speed stands still after this time without any.
 STILL_RPM = 100.0  # Slower engines stand still.
-IDLE_SHARE = 0.3  # Below this throttle an electric motor may stand still.
+# Below this throttle an electric motor may stand still; or below one at which it was seen to turn, if that
+# is lower and not idle.
+IDLE_SHARE = 0.3
 ASKED_S = 1.0  # An engine runs when it was asked for thrust for this time.
 
 
@@ -96,6 +98,7 @@ class ThrustMonitor:
         self._samples: deque[_Sample] = deque()
         self._rates: deque[_Rate] = deque()
         self._ran = False
+        self._turns_share = IDLE_SHARE  # With this throttle the engine turns.
         self._still_since_s: float | None = None
         self._reported_s = -math.inf  # Time of the newest report of the engine's speed.
         self._asked_since_s = math.inf
@@ -105,7 +108,7 @@ class ThrustMonitor:
         """Begin again, with the next flight."""
         self._samples.clear()
         self._rates.clear()
-        self._asked_since_s = math.inf
+        self._asked_since_s, self._turns_share = math.inf, IDLE_SHARE
         self._ran, self._still_since_s, self._lost_since_s = False, None, None
 
     def observe(self, event: Event) -> None:
@@ -119,7 +122,7 @@ class ThrustMonitor:
             self._note_engine(event)
 
     def _note_energy(self, sample: _Sample) -> None:
-        asks = sample.throttle >= IDLE_SHARE
+        asks = sample.throttle >= self._turns_share
         self._asked_since_s = min(self._asked_since_s, sample.stamp_s) if asks else math.inf
         self._samples.append(sample)
         while sample.stamp_s - self._samples[0].stamp_s > WINDOW_S:
@@ -141,6 +144,8 @@ class ThrustMonitor:
         self._reported_s = event.stamp_s
         if event.speed_rpm > STILL_RPM:
             self._ran, self._still_since_s = True, None
+            throttle = max((sample.throttle for sample in self._samples), default=IDLE_SHARE)
+            self._turns_share = min(self._turns_share, max(throttle, WORKING_SHARE))
         elif self._ran and self._still_since_s is None:
             self._still_since_s = event.stamp_s
 

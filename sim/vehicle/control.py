@@ -19,6 +19,7 @@ _TICKS_A_GUIDANCE = 3
 CATAPULT_M = 2.0
 _LOAD_MARGIN = 0.8
 _RPM_FULL = 7_000.0  # Speed of the motor at full throttle.
+_LANDING_M = 15.0  # Below this height over a landing, pitch is more and more for the height.
 _BANK_LIMIT_MIN = math.radians(15.0)
 
 
@@ -239,11 +240,18 @@ class Flight:
         height = self.target_height_m()
         output.pitch_rad, output.throttle = self.energy.update(
             estimate, height, self.airspeed_m_s, has_thrust=self.has_thrust,
-            descends=steering.height_m < estimate.up_m,
+            speed_share=self._speed_share(steering),
         )  # fmt: skip
         output.bearing_rad = self.lateral.bearing_rad
         output.cross_track_m = self.lateral.cross_track_m
         output.height_error_m = height - estimate.up_m
+
+    def _speed_share(self, steering: Level | Leg | Circle) -> float:
+        """How much of pitch is for the airspeed without thrust: all in a descent, less close to a landing."""
+        left = self.estimate.up_m - steering.height_m
+        if isinstance(steering, Leg) and self.goes_beyond:
+            return max(0.0, min(1.0, left / _LANDING_M))
+        return 1.0 if left > 0.0 else 0.0
 
     def _bank_limit(self, estimate: Estimate) -> float:
         """Bank whose load factor stays clear of the stall at this airspeed [rad]."""

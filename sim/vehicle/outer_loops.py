@@ -132,7 +132,7 @@ class EnergyControl:
 
     Without thrust, pitch alone keeps an airspeed, as in ArduPlane's TECS (``AP_TECS``, its speed weight then
     is 2): the lowest one while the aircraft is too slow at full throttle and too low, the commanded one in
-    descents.
+    descents. Close to the ground of a landing it keeps the height more and more (``TECS_LAND_SPDWGT`` -1).
 
     Parameters
     ----------
@@ -168,11 +168,11 @@ class EnergyControl:
         airspeed_m_s: float,
         *,
         has_thrust: bool = True,
-        descends: bool = False,
+        speed_share: float = 0.0,
     ) -> tuple[float, float]:
         """Pitch [rad] and throttle for a height [m] and an equivalent airspeed [m/s].
 
-        ``descends`` says whether what is flown to lies below; it matters without thrust only.
+        ``speed_share`` is the share of pitch that keeps the airspeed instead of the height, without thrust.
         """
         limits, airframe, period = self.limits, self._airframe, self._period_s
         climb = self._climb_demand(estimate, height_m)
@@ -196,8 +196,8 @@ class EnergyControl:
         throttle = self._throttle(estimate, gamma, acceleration, (available, lift, speed_error, true_speed))
         if not has_thrust:
             self._note_underspeed(estimate, throttle)
-            if self._is_underspeed or descends:
-                gamma = self._glide_angle(estimate, airspeed_m_s)
+            share = 1.0 if self._is_underspeed else speed_share
+            gamma += share * (self._glide_angle(estimate, airspeed_m_s) - gamma)
         error = gamma - estimate.velocity_up_m_s / true_speed
         integral = self._pitch_integral + 0.25 * error * period
         self._pitch_integral = max(-0.12, min(0.12, integral))

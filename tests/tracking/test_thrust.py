@@ -147,6 +147,26 @@ def test_a_motor_that_is_asked_for_thrust_has_a_second_to_run():
     assert monitor.fault(12.0) == "the engine stands still"
 
 
+@pytest.mark.parametrize(
+    ("turned_at", "asked", "told"),
+    [
+        (0.2, 0.22, "the engine stands still"),
+        (0.5, 0.22, ""),
+        (0.05, 0.1, ""),
+        (0.05, 0.2, "the engine stands still"),
+    ],
+)
+def test_a_motor_is_idle_below_the_throttle_at_which_it_was_seen_to_turn(turned_at, asked, told):
+    """Below 0.15 it always may stand still, and it always turns above 0.3."""
+    monitor = fed(level(10.0, throttle=turned_at))
+    monitor.observe(EngineSpeed(10.0, "RPM", 2_000.0))
+    for stamp, up, airspeed, throttle in level(15.0, asked, from_s=10.0):
+        monitor.observe(height(stamp, up))
+        monitor.observe(AirData(stamp, airspeed, airspeed, throttle))
+        monitor.observe(EngineSpeed(stamp, "RPM", 0.0))
+    assert monitor.fault(14.8) == told
+
+
 def gusty(until_s, seed, from_s=0.0, sink=0.0, throttle=0.5):
     """Rows with gusts of some 2 s, along and up, and a height that is lost evenly as well."""
     draw, along, upward, lifted, rows = random.Random(seed), 0.0, 0.0, 0.0, []

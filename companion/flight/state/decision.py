@@ -23,8 +23,6 @@ from companion.types.plan import Plan
 
 COVERED_HORIZONS_MIN = 1.5  # A mission that covers less than this many time horizons ahead is extended.
 VIOLATIONS_RECORDED_MAX = 5  # At most this many violations are recorded.
-# A flown path that pursuers can reach for no longer than this is not left for that reason.
-REACHABLE_MAX_S = 1.0
 # A held path is left for one that arrives later only if that saves this multiple of swap_gain: otherwise the
 # aircraft would lose its lead over pursuers bit by bit.
 LATER_GAIN_FACTOR = 5.0
@@ -142,23 +140,9 @@ def covered_min_s(state: FlightState) -> float:
 
 
 def gain_of(plan: Plan) -> float:
-    """Return the share of the flown path's cost that a plan saves; 0 if either cost is unknown or infinite.
-
-    Being out of the reach of pursuers that know the path takes precedence over cost, as in the search. A path
-    within reach saves nothing compared with one out of reach, and in the opposite case it saves everything.
-    """
-    flown_cost, flown, reached_s = plan.flown_cost or 0.0, plan.flown_pursuit, plan.pursuit.total_s
-    if flown is not None and flown.total_s == 0.0 < reached_s:
-        return 0.0
-    if _is_out_of_reach(plan):
-        return 1.0
+    """Return the share of the flown path's cost that a plan saves; 0 if a cost is unknown or infinite."""
+    flown_cost = plan.flown_cost or 0.0
     return 1.0 - plan.cost / flown_cost if flown_cost > 0.0 and plan.cost < math.inf else 0.0
-
-
-def _is_out_of_reach(plan: Plan) -> bool:
-    """Return whether pursuers cannot reach the plan, but the flown path for more than a moment."""
-    flown = plan.flown_pursuit
-    return flown is not None and flown.total_s > REACHABLE_MAX_S and plan.pursuit.total_s == 0.0
 
 
 @dataclass(frozen=True)
@@ -265,9 +249,7 @@ def _is_better(case: _Case, why: _Facts) -> _Answer:
         return None
     flown_cost = case.plan.flown_cost or 0.0
     instead = f" instead of {flown_cost:.1f}"
-    if _is_out_of_reach(case.plan):
-        instead = ", and no moving threat can reach it"
-    elif flown_cost == math.inf:
+    if flown_cost == math.inf:
         instead = ", and the flown path passes threat_level_max"
     return Verdict.BETTER, f"cost {case.plan.cost:.1f}{instead}"
 
