@@ -4,8 +4,8 @@
 The package holds what the image holds: the Dockerfile is carried out in a clean Debian, as ``make image``
 does, and the program, its Python packages and its compiled kernels are taken from there. So they come from
 the lock file by their hashes, and the package is for that Debian, its Python and this architecture. lintian
-must find nothing. prove_deb.py then installs, upgrades, breaks off and purges it in a clean Debian. Needs
-root, debootstrap and lintian.
+must find nothing. prove_deb.py then installs, upgrades, breaks off and purges it in a clean Debian, and
+prove_systemd.py under systemd. Needs root, debootstrap and lintian.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from pathlib import Path
 from make_release import committed_tree, newest_section
 from prove_deb import prove
 from prove_image import Builder, instructions
+from prove_systemd import prove_under_systemd
 
 SOURCE = Path(__file__).resolve().parents[1]
 NAME = "safe-rrt-companion"
@@ -36,7 +37,7 @@ MAINTAINER = re.compile(r"(?m)^Maintainer: (.+)$")
 BASE = re.compile(r"^FROM python:3\.(?P<minor>\d+)-slim-(?P<release>\w+)", flags=re.MULTILINE)
 VERSION = re.compile(r'(?m)^__version__ = "([^"]+)"$')
 PRE_RELEASE = re.compile(r"\.?(a|b|rc|dev)(\d+)")
-NEEDED = ("debootstrap", "dpkg-deb", "lintian", "unshare")
+NEEDED = ("debootstrap", "dpkg-deb", "lintian", "nsenter", "unshare")
 SCRIPTS = ("preinst", "postinst", "prerm", "postrm")
 CONFIGURATION = {
     "packaging/environment.example": "etc/companion/environment",
@@ -237,6 +238,7 @@ def main() -> int:
             made = packed(image_of(tree, cache, work), tree, work)
             check(made)
             prove(made, cache, work)
+            prove_under_systemd(made, cache, work)
             for old in target.glob(f"{NAME}_*.deb"):
                 old.unlink()
             shutil.copy(made, target)

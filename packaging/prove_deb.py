@@ -144,7 +144,7 @@ def _new_defaults(root: Path) -> None:
             file.write(NEW_DEFAULT)
 
 
-def _must(is_so: bool, otherwise: str) -> None:
+def must(is_so: bool, otherwise: str) -> None:
     """Raise RuntimeError unless something is so."""
     if not is_so:
         raise RuntimeError(otherwise)
@@ -154,13 +154,19 @@ def prove_purged(system: Debian) -> None:
     """Purge, and see that nothing has our name any more."""
     system.ran("apt-get", "-qq", "purge", "--yes", NAME)
     left = sorted(path for path in system.everything() if "companion" in path)
-    _must(not left, f"purge leaves {', '.join(left[:5])}")
+    must(not left, f"purge leaves {', '.join(left[:5])}")
+    prove_accounts_gone(system.root)
+
+
+def prove_accounts_gone(root: Path) -> None:
+    """See that the service's user and group are gone."""
     for name in ACCOUNTS:
-        text = (system.root / "etc" / name).read_text(encoding="utf-8")
-        _must("companion" not in text, f"purge leaves the user in /etc/{name}")
+        text = (root / "etc" / name).read_text(encoding="utf-8")
+        must("companion" not in text, f"purge leaves the user in /etc/{name}")
 
 
-def _free_address() -> tuple[str, int]:
+def free_address() -> tuple[str, int]:
+    """Return an address of this computer at which nobody listens."""
     with socket.socket(type=socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return "127.0.0.1", probe.getsockname()[1]
@@ -192,7 +198,7 @@ def prove_start(system: Debian) -> None:
         manager.bind(str(notify))
         notify.chmod(0o666)
         manager.settimeout(HEARTBEAT_S)
-        address = _free_address()
+        address = free_address()
         began = time.monotonic()
         running = system.started(
             "/opt/companion/bin/companion", "run", f"/{MISSION}", "--link", f"udpin://127.0.0.1:{address[1]}",
@@ -205,16 +211,16 @@ def prove_start(system: Debian) -> None:
             is_late = running.poll() is not None or time.monotonic() - began > READY_MAX_S
             if is_late:
                 _end(running, signal.SIGKILL)
-            _must(not is_late, "the service did not become ready")
+            must(not is_late, "the service did not become ready")
             autopilot.sendto(HEARTBEAT, address)
             with contextlib.suppress(TimeoutError):
                 told = manager.recv(4096)
         log.info("ready %.1f s after its first start", time.monotonic() - began)
         _end(running, signal.SIGTERM)
         said, _ = running.communicate(timeout=READY_MAX_S)
-    _must(running.returncode == 0, f"the service ends with exit code {running.returncode}: {said[-600:]}")
+    must(running.returncode == 0, f"the service ends with exit code {running.returncode}: {said[-600:]}")
     compiled = list((system.root / "var/cache/companion").rglob("*.o"))
-    _must(not compiled, f"{len(compiled)} kernels were compiled at the first start")
+    must(not compiled, f"{len(compiled)} kernels were compiled at the first start")
 
 
 def prove_versions(system: Debian, package: Path, work: Path) -> None:
@@ -234,9 +240,9 @@ def prove_versions(system: Debian, package: Path, work: Path) -> None:
         system.install(made)
         now = system.state()
         lost = [name for name in kept if name != MISSION and now.get(name) != kept[name]]
-        _must(not lost, f"{version}: {', '.join(lost)} changed")
+        must(not lost, f"{version}: {', '.join(lost)} changed")
         has_new = NEW_DEFAULT in (system.root / MISSION).read_text(encoding="utf-8")
-        _must(has_new is (made is newer), f"{version}: a file that nobody edited is not the package's")
+        must(has_new is (made is newer), f"{version}: a file that nobody edited is not the package's")
         system.ran("companion", "check", f"/{MISSION}")
     log.info("upgrade and downgrade: %d files of configuration and state are kept", len(kept))
     prove_power_cuts(system, newer, older)
@@ -263,13 +269,13 @@ def prove_power_cuts(system: Debian, newer: Path, older: Path) -> None:
         with system.started("dpkg", "--install", "--force-confold", f"/tmp/{package.name}") as running:
             while running.poll() is None and not is_there(system.root, version):
                 time.sleep(0.005)
-            _must(running.poll() is None, f"{name}: dpkg ended before its power was cut")
+            must(running.poll() is None, f"{name}: dpkg ended before its power was cut")
             running.kill()
-        _must(not lost(), f"power cut while it {name}: {', '.join(lost())} changed")
-        _must(not (system.root / STAMP).exists(), f"power cut while it {name}: the unit would start it")
+        must(not lost(), f"power cut while it {name}: {', '.join(lost())} changed")
+        must(not (system.root / STAMP).exists(), f"power cut while it {name}: the unit would start it")
         system.ran("dpkg", "--install", "--force-confold", f"/tmp/{package.name}")
-        _must(not lost(), f"mended after a power cut while it {name}: {', '.join(lost())} changed")
-        _must((system.root / STAMP).exists(), f"power cut while it {name}: not mended")
+        must(not lost(), f"mended after a power cut while it {name}: {', '.join(lost())} changed")
+        must((system.root / STAMP).exists(), f"power cut while it {name}: not mended")
         system.ran("companion", "check", f"/{MISSION}")
         log.info("power cut while dpkg %s: all is kept, and the next installation mends it", name)
 
@@ -306,8 +312,8 @@ def prove_removal(system: Debian) -> None:
     system.ran("systemctl", "enable", "companion")
     kept = system.state()
     system.ran("apt-get", "-qq", "remove", "--yes", NAME)
-    _must(system.state() == kept, "removal changes configuration or state")
-    _must(not (system.root / "opt/companion").exists(), "removal leaves files in /opt/companion")
+    must(system.state() == kept, "removal changes configuration or state")
+    must(not (system.root / "opt/companion").exists(), "removal leaves files in /opt/companion")
     prove_purged(system)
     log.info("removal keeps configuration and state, purge leaves nothing")
 
@@ -331,12 +337,12 @@ def prove(package: Path, cache: Path, work: Path) -> None:
     system.install(package)
     for name in (ENVIRONMENT, MISSION):
         about = (root / name).stat()
-        _must(about.st_mode & 0o777 == 0o640, f"/{name} has mode {about.st_mode & 0o777:o}")
+        must(about.st_mode & 0o777 == 0o640, f"/{name} has mode {about.st_mode & 0o777:o}")
     is_enabled = (root / "etc/systemd/system/multi-user.target.wants/companion.service").is_symlink()
-    _must(not is_enabled, "the service was enabled before the operator has set it up")
+    must(not is_enabled, "the service was enabled before the operator has set it up")
     log.info("installed: version %s", system.ran("companion", "--version"))
     prove_start(system)
     prove_versions(system, package, work)
     prove_removal(system)
     left = sorted(system.everything() ^ clean)
-    _must(not left, f"after purge these differ: {', '.join(left[:5])}")
+    must(not left, f"after purge these differ: {', '.join(left[:5])}")

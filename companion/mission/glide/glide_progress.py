@@ -104,9 +104,12 @@ def is_clear_now(options: GlideOptions, choice: LandingChoice, glide: Glide) -> 
 def circle_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
     """Return whether the aircraft on its final is too high, and far enough for another turn that is clear.
 
-    It is too high if it would come down nearer to the field by way of the circle.
+    It is too high if it would come down nearer to the field by way of the circle. From within the circle it
+    would first fly out of it, which is not known in advance.
     """
-    is_above = -choice.spare_m < left_after_circle_m(_as_flown(options.model), choice)
+    (east, north, _), radius = choice.approach
+    is_outside = math.dist(choice.direct.begin_enu_m[:2], (east, north)) >= radius
+    is_above = is_outside and -choice.spare_m < left_after_circle_m(_as_flown(options.model), choice)
     is_pointed = abs(choice.direct.turned_rad) < POINTED_RAD
     is_far = choice.away_m > NEAR_RADII * choice.direct.model.turn_radius_m
     return is_above and is_pointed and is_far and is_clear_now(options, choice, choice.to_circle)

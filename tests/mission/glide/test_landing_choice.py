@@ -159,6 +159,15 @@ def test_a_final_that_is_too_high_goes_back_to_the_circle_while_the_field_is_far
     assert not circle_is_due(options, from_now(options, at(32.0, place=(700.0, 0.0)), found))
 
 
+def test_a_final_is_flown_on_if_the_way_by_the_circle_would_end_farther_from_the_field():
+    """5 m too high, it would pass the middle by 50 m; a turn to the circle and back takes more height."""
+    options = options_of()
+    found = best_field(options, at(200.0))
+    assert not circle_is_due(options, from_now(options, at(35.0, place=(700.0, 0.0)), found))
+    within = at(80.0, place=found.approach.centre_enu_m[:2])
+    assert not circle_is_due(options, from_now(options, within, found))
+
+
 def test_behind_the_aircraft_the_field_is_past():
     options = options_of()
     found = best_field(options, at(200.0))
