@@ -6,12 +6,9 @@ Exit codes: 0 success, 1 no safe plan or failed flight, 2 bad usage or configura
 
 from __future__ import annotations
 
-import contextlib
-import json
 import logging
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -22,7 +19,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 from typer.models import CommandInfo
 
-from companion import __version__, editor, plain_text, safe_files
+from companion import __version__, editor, plain_text
 from companion.cli_options import (
     Force,
     GeojsonTarget,
@@ -35,13 +32,17 @@ from companion.cli_options import (
     PagePort,
     PageToken,
     PlanTarget,
+    Targets,
     make_ready_with_bar,
+    write_json,
+    writing,
 )
 from companion.errors import CompanionError, ConfigError
 from companion.mission_files import mission_commands
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
 
 EXIT_FAILED = 1
+MISSION_SUFFIXES = (".yaml", ".yml")
 HEALTH_MAX = 10_000  # Bytes of an answer.
 EXTRA_COMMANDS = "companion.commands"
 # Packages that some commands need, and the extras that install them.
@@ -61,33 +62,6 @@ def _version(
     if version:
         console.print(__version__)
         raise typer.Exit
-
-
-@contextlib.contextmanager
-def _writing(target: Path, option: str) -> Iterator[None]:
-    """Report a file that cannot be written as a wrong option."""
-    try:
-        yield
-    except OSError as error:
-        raise ConfigError(
-            str(target), None, option, error.strerror or str(error), "a file to write"
-        ) from None
-
-
-def write_json(target: Path, document: object) -> None:
-    """Write a JSON document to a file, whole or not at all, or to standard output.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be written.
-    """
-    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-    if str(target) == "-":
-        sys.stdout.write(text)
-        return
-    with _writing(target, "--json"):
-        safe_files.replace_file(target, text.encode("ascii"), safe_files.SHARED)
 
 
 @app.command()
@@ -121,7 +95,7 @@ def check(
     if plot is not None:
         require_goals(config, str(mission))
         line = over_ground.line_of(listed, config) if listed else None
-        with _writing(plot, "--plot"):
+        with writing(plot, "--plot"):
             plot_mission(plot, config, world_of(config, none_known=False), line)
 
 
@@ -138,6 +112,10 @@ def plan(
     ] = None,
     json_file: JsonFile = None,
     plot: Annotated[Path | None, typer.Option(help="Write a picture of the first run to this file.")] = None,
+    plan_file: PlanTarget = None,
+    kml: KmlTarget = None,
+    geojson: GeojsonTarget = None,
+    force: Force = False,
 ) -> None:
     """Make one offline plan, or several, from the mission file's start."""
     from companion.config import load_mission, require_goals
@@ -157,8 +135,10 @@ def plan(
     if json_file is None or str(json_file) != "-":
         console.print(results_table(config.name, config.dimension, plans))
     if plot is not None:
-        with _writing(plot, "--plot"):
+        with writing(plot, "--plot"):
             plot_plan(plot, config, snapshot, plans[0])
+    for line in mission_commands.export_plan(config, plans[0].path, Targets(plan_file, kml, geojson, force)):
+        console.print(line, markup=False, soft_wrap=True)
     if not all(entry.reaches_goal for entry in plans):
         raise typer.Exit(EXIT_FAILED)
 
@@ -329,7 +309,7 @@ def report(
     from companion.ui.reports.report import write_report
 
     mission, world, record = flight_summary.flight_of(flight)
-    with _writing(flight, "report"):
+    with writing(flight, "report"):
         page, picture = write_report(flight, mission, world, record, flight_summary.report_name(record))
     console.print(
         f"report: {plain_text.printable(page)}\npicture: {plain_text.printable(picture)}",
@@ -353,12 +333,16 @@ def export(
     geojson: GeojsonTarget = None,
     force: Force = False,
 ) -> None:
-    """Export a recording for Foxglove or rerun, or a mission file for ground stations and maps."""
-    if plan or kml or geojson or flight.suffix == ".yaml":
-        said = mission_commands.export_places(flight, plan, kml, geojson, replaces=force)
-    else:
-        from companion.service.replay import replay_command as replaying
+    """Export a recording for Foxglove or rerun; a flight or a mission for ground stations and maps."""
+    from companion.service.replay import flight_summary
+    from companion.service.replay import replay_command as replaying
 
+    if flight.suffix in MISSION_SUFFIXES:
+        said = mission_commands.export_places(flight, plan, kml, geojson, replaces=force)
+    elif (targets := Targets(plan, kml, geojson, force)).is_any:
+        mission, _, record = flight_summary.flight_of(flight if flight.is_dir() else flight.parent)
+        said = mission_commands.export_flight(mission, record, targets)
+    else:
         said = replaying.exported(flight, target, is_for_rerun=rerun)
     console.print(said, markup=False, soft_wrap=True)
 

@@ -186,11 +186,7 @@ def _prove(there: Booted, root: Path, package: str, newer: str) -> None:
         until_active("0")
         there.ran("apt-get", "-qq", "purge", "--yes", NAME)
         must(there.shows("LoadState") == "not-found", "purge leaves the unit")
-        left = [
-            name
-            for name in ("etc", "opt", "var/lib", "var/cache", "var/log")
-            if (root / name / UNIT).exists()
-        ]
+        left = [name for name in FOLDERS if (root / name / UNIT).exists()]
         must(not left, f"purge leaves {', '.join(left)}")
         prove_accounts_gone(root)
         failed = there.says("systemctl", "--failed", "--plain", "--no-legend")

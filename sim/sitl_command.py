@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from companion.cli import EXIT_FAILED, write_json
+from companion.cli import EXIT_FAILED
 from companion.cli_options import (
     MissionFile,
     PageGround,
@@ -22,6 +22,7 @@ from companion.cli_options import (
     PagePort,
     PageToken,
     make_ready_with_bar,
+    write_json,
 )
 from companion.research.campaign.run_places import FLIGHT, PURSUERS, WATCHED, offer
 from companion.types.events import Dialect

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from companion import safe_files
+from companion.cli_options import Targets
 from companion.config import MissionConfig, load_mission, mission_from_text
 from companion.errors import ConfigError
 from companion.mission_files.formats.foreign_file import foreign_bytes
@@ -20,6 +21,7 @@ from companion.mission_files.found_places import Importer, Kind
 from companion.mission_files.mission_composition import Wishes, composed
 from companion.mission_files.mission_places import places_of
 from companion.mission_files.mission_text import remarks_of, text_of_mission
+from companion.mission_files.path_lines import PathLine
 
 READERS: dict[str, Callable[[Importer, bytes], None]] = {
     ".plan": take_plan,
@@ -206,26 +208,55 @@ def export_mission(
         If the mission is wrong, or a file cannot be written.
     """
     config = load_mission(mission)
-    places = places_of(config)
-    lines = []
-    if plan is not None:
-        document = plan_document(places)
-        written_new(plan, _json(document), replaces=replaces)
-        lines.append(
-            f"{plan}: mission, fence (bounds, obstacles) and rally points; the rest under a key of its own"
-        )
-    if kml is not None:
-        written_new(kml, kml_bytes(places, config.name), replaces=replaces)
-        lines.append(f"{kml}: all places")
-    if geojson is not None:
-        written_new(geojson, _json(feature_collection(places)), replaces=replaces)
-        lines.append(f"{geojson}: all places")
+    said = export_places(config, Targets(plan, kml, geojson, replaces))
     if config.goals_from_autopilot:
-        lines.append("goals: none, since they are in the autopilot")
+        said.append("goals: none, since they are in the autopilot")
     return [
-        *lines,
+        *said,
         "vehicle, planning and other settings are not exported; companion import --like brings them back",
     ]
+
+
+def export_places(
+    config: MissionConfig,
+    targets: Targets,
+    lines: Sequence[PathLine] = (),
+    waypoints: PathLine | None = None,
+) -> list[str]:
+    """Write the places of a mission and lines; return a line of text for each file.
+
+    Parameters
+    ----------
+    config : MissionConfig
+        The mission.
+    targets : Targets
+        The files.
+    lines : sequence of PathLine
+        Paths beside the places, in KML and GeoJSON.
+    waypoints : PathLine, optional
+        Waypoints in place of the goals, in the plan.
+
+    Raises
+    ------
+    ConfigError
+        If a file cannot be written.
+    """
+    places, said = places_of(config), []
+    also = f", {lines[0].name}" if lines else ""
+    if len(lines) > 1:
+        also += f" and {len(lines) - 1} missions"
+    if targets.plan is not None:
+        document = plan_document(places, waypoints)
+        written_new(targets.plan, _json(document), replaces=targets.replaces)
+        kept = "waypoints of the path" if waypoints is not None else "the rest under a key of its own"
+        said.append(f"{targets.plan}: mission, fence (bounds, obstacles) and rally points; {kept}")
+    if targets.kml is not None:
+        written_new(targets.kml, kml_bytes(places, config.name, lines), replaces=targets.replaces)
+        said.append(f"{targets.kml}: all places{also}")
+    if targets.geojson is not None:
+        written_new(targets.geojson, _json(feature_collection(places, lines)), replaces=targets.replaces)
+        said.append(f"{targets.geojson}: all places{also}")
+    return said
 
 
 def _json(document: object) -> bytes:

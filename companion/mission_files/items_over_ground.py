@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from companion.config import MissionConfig
 from companion.config.sections.terrain_map import ground_heights_of
 from companion.errors import ConfigError
 from companion.frames import FloatArray
-from companion.mission.operator import TERRAIN_FRAMES, position_of
+from companion.mission.operator import FIRST_WITHOUT_PLACE, TERRAIN_FRAMES, position_of
 from companion.mission_files.formats.foreign_file import foreign_bytes
 from companion.mission_files.formats.item_places import Item, title_of
 from companion.mission_files.formats.plan_file import items_of_plan
@@ -85,18 +85,10 @@ def items_over_ground(file: Path, mission: MissionConfig) -> list[ItemOverGround
         expected = f"a name that ends in {', '.join(READERS)}"
         raise ConfigError(str(file), None, "file name", file.suffix or "no ending", expected)
     importer = Importer(file.name)
-    written = reader(importer, foreign_bytes(file))
-    home_m = _home_amsl_m(importer, mission, ground)
+    entries = reader(importer, foreign_bytes(file))
     found: list[ItemOverGround] = []
     before: MissionItem | None = None
-    for number, entry in enumerate(written):
-        item = _mission_item(importer, entry, number)
-        place = position_of(item, mission.frame, home_m, ground)
-        if place is None:
-            continue
-        if not _is_within_bounds(mission, place):
-            where = f"{place[0]:.0f} m east, {place[1]:.0f} m north"
-            raise importer.error(entry.label, where, "a place within the bounds of the mission file")
+    for entry, item, place in _placed(importer, entries, mission, ground):
         over_m = place[2] - float(ground.up_m(np.array([place]))[0])
         follows = before is not None and {before.frame, item.frame} <= TERRAIN_FRAMES
         found.append(ItemOverGround(f"{entry.label}, {title_of(entry)}", place, over_m, None, follows))
@@ -164,6 +156,24 @@ def line_of(items: Sequence[ItemOverGround], mission: MissionConfig) -> FloatArr
             line[:, 2] = ground.up_m(line) + np.linspace(begin.over_ground_m, end.over_ground_m, LEG_SAMPLES)
         lines.append(line[1:])
     return np.concatenate(lines)
+
+
+def _placed(
+    importer: Importer, entries: Sequence[Item], mission: MissionConfig, ground: GroundHeights
+) -> Iterator[tuple[Item, MissionItem, tuple[float, float, float]]]:
+    """Yield the items that have a position: as written, as an autopilot stores them, and the position [m]."""
+    home_m = _home_amsl_m(importer, mission, ground)
+    for number, entry in enumerate(entries):
+        if entry.command >= FIRST_WITHOUT_PLACE:
+            continue
+        item = _mission_item(importer, entry, number)
+        place = position_of(item, mission.frame, home_m, ground)
+        if place is None:
+            continue
+        if not _is_within_bounds(mission, place):
+            where = f"{place[0]:.0f} m east, {place[1]:.0f} m north"
+            raise importer.error(entry.label, where, "a place within the bounds of the mission file")
+        yield entry, item, place
 
 
 def _mission_item(importer: Importer, item: Item, number: int) -> MissionItem:

@@ -8,14 +8,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 from rich.console import Console
 
-from companion.cli_options import Force
+from companion.cli_options import Force, Targets
 from companion.errors import ConfigError
 from companion.plain_text import printable
+
+if TYPE_CHECKING:
+    from companion.config import MissionConfig
+    from companion.types.path import Path as PlannedPath
+    from companion.types.record import FlightRecord
 
 Answer = TypeVar("Answer")
 Aircraft = Annotated[
@@ -130,6 +135,44 @@ def export_places(
     from companion.mission_files.exchange_files import export_mission
 
     return "\n".join(map(printable, export_mission(mission, plan, kml, geojson, replaces=replaces)))
+
+
+def export_flight(mission: MissionConfig, record: FlightRecord, targets: Targets) -> str:
+    """Export a flight: flown path, missions, and the places of its mission file; return what was written.
+
+    The plan has the waypoints of the last mission that was flown.
+
+    Raises
+    ------
+    ConfigError
+        If a plan is asked for and no mission of the service was flown, or a file cannot be written.
+    """
+    from companion.mission_files.exchange_files import export_places as exported
+    from companion.mission_files.path_lines import lines_of_flight
+
+    lines = lines_of_flight(mission, record)
+    if targets.plan is not None and len(lines) < 2:
+        raise ConfigError("command line", None, "--plan", "no mission of the service", "a flight with one")
+    return "\n".join(map(printable, exported(mission, targets, lines, lines[-1] if len(lines) > 1 else None)))
+
+
+def export_plan(mission: MissionConfig, path: PlannedPath | None, targets: Targets) -> list[str]:
+    """Export a planned path with the places of its mission file; return a line of text for each file.
+
+    Nothing is written where there is no path.
+
+    Raises
+    ------
+    ConfigError
+        If a file cannot be written.
+    """
+    if path is None or not targets.is_any:
+        return []
+    from companion.mission_files.exchange_files import export_places as exported
+    from companion.mission_files.path_lines import line_of, lines_of_plan, waypoints_of_plan
+
+    waypoints = line_of(mission, "waypoints", waypoints_of_plan(path))
+    return [printable(line) for line in exported(mission, targets, lines_of_plan(mission, path), waypoints)]
 
 
 def _tell(console: Console, lines: Sequence[str]) -> None:

@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from companion.cli import EXIT_FAILED, write_json
-from companion.cli_options import JsonFile
+from companion.cli import EXIT_FAILED
+from companion.cli_options import JsonFile, write_json
 
 GOALS_S = {"ardupilot": 2.5, "px4": 1.5}  # Promised median reaction times [s].
 

@@ -70,7 +70,7 @@ RELATIVE, TERRAIN, AMSL, HOME_AMSL_M, OUTSIDE_M = 3, 10, 0, 590.0, -50.0
 # Command, frame, east, north, altitude; a take-off, legs over and into ridges, two over terrain, a landing.
 OPERATOR = (
     (22, RELATIVE, 250, 1700, 60), (16, RELATIVE, 500, 1700, 160), (16, RELATIVE, 1500, 1750, 300),
-    (16, TERRAIN, 2500, 1800, 80), (16, TERRAIN, 3400, 1800, 100), (177, 2, 0, 0, 0),
+    (16, TERRAIN, 2500, 1800, 80), (16, TERRAIN, 3400, 1800, 100), (177, 2, 0, 0, 1e6),
     (16, AMSL, 4500, 1800, 834), (21, RELATIVE, 4700, 1800, 0),
 )  # fmt: skip
 

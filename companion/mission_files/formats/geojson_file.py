@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from companion.mission_files.formats.foreign_file import json_document
 from companion.mission_files.found_places import AREAS, Degrees, FoundPlace, Importer, Kind, kind_named
+from companion.mission_files.path_lines import PathLine
 
 _WGS84 = ("CRS84", "4326")
 _DEPTH_MAX = 20
@@ -160,9 +161,27 @@ def _place(importer: Importer, value: object, label: str) -> Degrees:
     return importer.degrees(label, numbers[1], numbers[0])
 
 
-def feature_collection(places: Iterable[FoundPlace]) -> dict[str, object]:
-    """Return places as a GeoJSON object."""
-    return {"type": "FeatureCollection", "features": [_feature(place) for place in places]}
+def feature_collection(places: Iterable[FoundPlace], lines: Iterable[PathLine] = ()) -> dict[str, object]:
+    """Return places and lines as a GeoJSON object; a line's heights are above mean sea level.
+
+    Parameters
+    ----------
+    places : iterable of FoundPlace
+        The places.
+    lines : iterable of PathLine
+        Lines; ``coordTimes`` has their times, as converters from GPX write them.
+    """
+    features = [*map(_feature, places), *map(_line, lines)]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _line(line: PathLine) -> dict[str, object]:
+    times = {"coordTimes": list(line.times)} if line.times else {}
+    return {
+        "type": "Feature",
+        "properties": {"name": line.name, "heights": "above mean sea level"} | times,
+        "geometry": {"type": "LineString", "coordinates": [list(place) for place in line.coordinates()]},
+    }
 
 
 def _feature(place: FoundPlace) -> dict[str, object]:

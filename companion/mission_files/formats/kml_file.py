@@ -15,7 +15,9 @@ from xml.etree import ElementTree as ET
 
 from companion.mission_files.formats.foreign_file import BYTES_MAX, xml_root
 from companion.mission_files.found_places import AREAS, Degrees, FoundPlace, Importer, Kind, kind_named
+from companion.mission_files.path_lines import PathLine
 
+_EXTENSIONS = "http://www.google.com/kml/ext/2.2"
 _FOLDERS = ("Document", "Folder", "kml")
 _GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "MultiGeometry")
 _NOT_TAKEN = (
@@ -204,8 +206,8 @@ def _coordinates(importer: Importer, geometry: ET.Element, label: str) -> tuple[
     return corners, heights
 
 
-def kml_bytes(places: Iterable[FoundPlace], name: str) -> bytes:
-    """Return places as a KML document; each placemark has its properties as data.
+def kml_bytes(places: Iterable[FoundPlace], name: str, lines: Iterable[PathLine] = ()) -> bytes:
+    """Return places and lines as a KML document; each placemark of a place has its properties as data.
 
     Parameters
     ----------
@@ -213,14 +215,18 @@ def kml_bytes(places: Iterable[FoundPlace], name: str) -> bytes:
         The places, the origin among them.
     name : str
         Name of the document.
+    lines : iterable of PathLine
+        Lines; those with times become tracks.
     """
-    root = ET.Element("kml", {"xmlns": "http://www.opengis.net/kml/2.2"})
+    root = ET.Element("kml", {"xmlns": "http://www.opengis.net/kml/2.2", "xmlns:gx": _EXTENSIONS})
     document = ET.SubElement(root, "Document")
     _text(document, "name", name)
     everything = tuple(places)
     ground = next(place.values["altitude_amsl_m"] for place in everything if place.kind is Kind.ORIGIN)
     for place in everything:
         _add_placemark(document, place, float(str(ground)))
+    for line in lines:
+        _add_line(document, line)
     ET.indent(root, " ")
     text: str = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
@@ -229,6 +235,21 @@ def kml_bytes(places: Iterable[FoundPlace], name: str) -> bytes:
 def _text(parent: ET.Element, tag: str, text: str) -> None:
     child = ET.SubElement(parent, tag)
     child.text = text  # The element is made here.
+
+
+def _add_line(document: ET.Element, line: PathLine) -> None:
+    placemark = ET.SubElement(document, "Placemark")
+    _text(placemark, "name", line.name)
+    geometry = ET.SubElement(placemark, "gx:Track" if line.times else "LineString")
+    _text(geometry, "altitudeMode", "absolute")
+    for stamp in line.times:
+        _text(geometry, "when", stamp)
+    places = [(f"{x:.9f}", f"{y:.9f}", f"{up:.3f}") for x, y, up in line.coordinates()]
+    if line.times:
+        for place in places:
+            _text(geometry, "gx:coord", " ".join(place))
+    else:
+        _text(geometry, "coordinates", " ".join(map(",".join, places)))
 
 
 def _add_placemark(document: ET.Element, place: FoundPlace, ground_amsl_m: float) -> None:

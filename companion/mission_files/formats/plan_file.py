@@ -19,6 +19,7 @@ from companion.mission_files.formats.foreign_file import json_document
 from companion.mission_files.formats.geojson_file import feature_collection, take_features
 from companion.mission_files.formats.item_places import Item, take_items
 from companion.mission_files.found_places import FoundPlace, Importer, Kind
+from companion.mission_files.path_lines import PathLine
 from companion.types.mavlink_enums import Command, MavFrame
 
 OWN_KEY = "safe_rrt_companion"
@@ -197,17 +198,25 @@ def _digest(document: Mapping[str, object]) -> str:
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
-def plan_document(places: Sequence[FoundPlace]) -> dict[str, object]:
+def plan_document(places: Sequence[FoundPlace], line: PathLine | None = None) -> dict[str, object]:
     """Return a mission's places as a plan: bounds and obstacles are its fence.
 
     Parameters
     ----------
     places : sequence of FoundPlace
         All places of a mission, the origin among them.
+    line : PathLine, optional
+        Waypoints in place of the goals; the plan then is not the mission's, and does not bring it back.
     """
     (origin,) = (place for place in places if place.kind is Kind.ORIGIN)
     (start,) = (place for place in places if place.kind is Kind.START)
     goals = [place for place in places if place.kind is Kind.GOAL]
+    if line is not None:
+        ground_m = float(str(origin.values["altitude_amsl_m"]))
+        goals = [
+            FoundPlace(Kind.GOAL, ((latitude, longitude),), values={"up_m": round(height - ground_m, 3)})
+            for longitude, latitude, height in line.coordinates()
+        ]
     items = [_written(1, Command.NAV_TAKEOFF, start)]
     items += [_written(number, Command.NAV_WAYPOINT, goal) for number, goal in enumerate(goals, 2)]
     document: dict[str, object] = {
@@ -227,6 +236,8 @@ def plan_document(places: Sequence[FoundPlace]) -> dict[str, object]:
         "geoFence": {"version": ZONES_VERSION, "circles": [], "polygons": _zones(places)},
         "rallyPoints": {"version": ZONES_VERSION, "points": _rally(places)},
     }
+    if line is not None:
+        return document
     return document | {OWN_KEY: {"digest": _digest(document), "places": feature_collection(places)}}
 
 
