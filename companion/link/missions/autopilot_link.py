@@ -39,6 +39,7 @@ from companion.types.mission import MissionItem
 _COMMAND_TIMEOUT_S = 4.5  # A command is repeated for this time until it is answered.
 _REPEAT_MIN_S, _REPEAT_MAX_S = 0.5, 1.5  # PX4 reports a new item in its next MISSION_CURRENT, within 1 s.
 _TICK_S = 0.04  # Interval between checks whether an item must be sent again.
+REST_MAX_S = 2.0  # The rest of an upload that is not wanted any more is sent for at most this time.
 _WINDOW = 6  # Items requested at once from an ArduPlane. A PX4 answers one at a time.
 
 
@@ -254,7 +255,7 @@ class AutopilotLink:
             await self._transfer_ended.wait()
         except asyncio.CancelledError:
             if isinstance(transfer, Upload):
-                self._send(self._codec.mission_cancel())
+                await self._end_cancelled()
             raise
         finally:
             self._transfer = None
@@ -263,6 +264,20 @@ class AutopilotLink:
             self.counters[transfer.failure.lower()] += 1
             self._cancel_on_autopilot(kind)
             raise TransferError(operation, transfer.failure)
+
+    async def _end_cancelled(self) -> None:
+        """End an upload that is not wanted any more.
+
+        A PX4 is told so. An ArduPlane cannot be told: it would deny every other transfer for 8 s, also those
+        of the pilot's ground station. So it receives the rest. The rest is not flown: a mission is entered by a
+        command.
+        """
+        if self.dialect is None or self.dialect.stays_busy:
+            self._send(self._codec.mission_cancel())
+            return
+        until_s = self._clock.now_s() + REST_MAX_S
+        while not self._transfer_ended.is_set() and (now_s := self._clock.now_s()) < until_s:
+            await self._clock.sleep_until(min(until_s, now_s + _TICK_S))
 
     async def _ticking(self) -> None:
         while True:

@@ -161,8 +161,8 @@ async def test_a_transfer_that_lasts_too_long_is_given_up_and_the_next_works():
         assert len(await made.link.download()) == 14
 
 
-async def test_a_cancelled_upload_is_cancelled_at_the_autopilot():
-    autopilot = FakeAutopilot(silent_after=3)
+async def test_a_cancelled_upload_is_cancelled_at_a_px4():
+    autopilot = FakeAutopilot(silent_after=3, autopilot=12)
     async with bench(autopilot) as made:
         task = asyncio.create_task(made.link.upload(mission()))
         await until(lambda: len(autopilot.incoming) == 3)
@@ -174,6 +174,33 @@ async def test_a_cancelled_upload_is_cancelled_at_the_autopilot():
         autopilot.silent_after = None
         await made.link.upload(mission())
         assert len(autopilot.items) == 14
+
+
+async def test_an_arduplane_receives_the_rest_of_a_cancelled_upload():
+    """Else it would deny every other transfer, of the pilot's ground station as well, for 8 s."""
+    autopilot, clock = FakeAutopilot(silent_after=3), ManualClock()
+    async with bench(autopilot, clock=clock) as made:
+        task = asyncio.create_task(made.link.upload(mission()))
+        await until(lambda: len(autopilot.incoming) == 3)
+        task.cancel()
+        autopilot.silent_after = None
+        await passing(clock, 1.5)  # An item is sent again after a second.
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert len(autopilot.items) == 14
+        assert not any(message.get_type() == "MISSION_ACK" for message in autopilot.heard)
+
+
+async def test_a_cancelled_upload_to_an_arduplane_that_is_silent_ends_after_two_seconds():
+    autopilot, clock = FakeAutopilot(silent_after=3), ManualClock()
+    async with bench(autopilot, clock=clock) as made:
+        task = asyncio.create_task(made.link.upload(mission()))
+        await passing(clock, 1.0)
+        task.cancel()
+        await passing(clock, 2.9)
+        assert not task.done()
+        await passing(clock, 3.3)
+        assert task.cancelled()
 
 
 async def test_closing_ends_the_call_under_way():
