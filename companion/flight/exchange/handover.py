@@ -85,6 +85,7 @@ class Handover:
     def reserve(self, *, is_reserved: bool) -> None:
         """Hand over no planned mission while the aircraft glides down, and end the exchange of one."""
         if is_reserved and not self._is_reserved:
+            self._link.complete_while(lambda: self._is_reserved and self._flight.state.may_act)
             self.break_off()
         self._is_reserved = is_reserved
 

@@ -84,6 +84,7 @@ class AutopilotLink:
         self._transfer: tuple[Upload | MissionDownload, Callable[[int], bytes]] | None = None
         self._transfer_ended = asyncio.Event()
         self._gives_way = False
+        self._may_complete: Callable[[], bool] = lambda: False
 
     @property
     def mission_mode(self) -> str:
@@ -265,18 +266,23 @@ class AutopilotLink:
             self._cancel_on_autopilot(kind)
             raise TransferError(operation, transfer.failure)
 
+    def complete_while(self, is_allowed: Callable[[], bool]) -> None:
+        """Complete cancelled uploads to an ArduPlane while that is allowed; by default they are not."""
+        self._may_complete = is_allowed
+
     async def _end_cancelled(self) -> None:
         """End an upload that is not wanted any more.
 
-        A PX4 is told so. An ArduPlane cannot be told: it would deny every other transfer for 8 s, also those
-        of the pilot's ground station. So it receives the rest. The rest is not flown: a mission is entered by a
-        command.
+        A PX4 is told so. An ArduPlane cannot be told: it would deny every other transfer for 8 s. If that is
+        allowed, it receives the rest, which is not flown: missions are entered by commands.
         """
-        if self.dialect is None or self.dialect.stays_busy:
+        if self.dialect is None or self.dialect.stays_busy or not self._may_complete():
             self._send(self._codec.mission_cancel())
             return
         until_s = self._clock.now_s() + REST_MAX_S
-        while not self._transfer_ended.is_set() and (now_s := self._clock.now_s()) < until_s:
+        while not self._transfer_ended.is_set() and self._may_complete():
+            if (now_s := self._clock.now_s()) >= until_s:
+                break
             await self._clock.sleep_until(min(until_s, now_s + _TICK_S))
 
     async def _ticking(self) -> None:

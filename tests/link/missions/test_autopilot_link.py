@@ -161,9 +161,11 @@ async def test_a_transfer_that_lasts_too_long_is_given_up_and_the_next_works():
         assert len(await made.link.download()) == 14
 
 
-async def test_a_cancelled_upload_is_cancelled_at_a_px4():
-    autopilot = FakeAutopilot(silent_after=3, autopilot=12)
+@pytest.mark.parametrize(("dialect", "may_complete"), [(12, True), (12, False), (3, False)])
+async def test_a_cancelled_upload_is_cancelled_at_the_autopilot(dialect, may_complete):
+    autopilot = FakeAutopilot(silent_after=3, autopilot=dialect)
     async with bench(autopilot) as made:
+        made.link.complete_while(lambda: may_complete)
         task = asyncio.create_task(made.link.upload(mission()))
         await until(lambda: len(autopilot.incoming) == 3)
         task.cancel()
@@ -176,10 +178,11 @@ async def test_a_cancelled_upload_is_cancelled_at_a_px4():
         assert len(autopilot.items) == 14
 
 
-async def test_an_arduplane_receives_the_rest_of_a_cancelled_upload():
-    """Else it would deny every other transfer, of the pilot's ground station as well, for 8 s."""
+async def test_an_arduplane_receives_the_rest_of_a_cancelled_upload_if_that_is_allowed():
+    """Else it would deny the next transfer for 8 s."""
     autopilot, clock = FakeAutopilot(silent_after=3), ManualClock()
     async with bench(autopilot, clock=clock) as made:
+        made.link.complete_while(lambda: True)
         task = asyncio.create_task(made.link.upload(mission()))
         await until(lambda: len(autopilot.incoming) == 3)
         task.cancel()
@@ -191,15 +194,18 @@ async def test_an_arduplane_receives_the_rest_of_a_cancelled_upload():
         assert not any(message.get_type() == "MISSION_ACK" for message in autopilot.heard)
 
 
-async def test_a_cancelled_upload_to_an_arduplane_that_is_silent_ends_after_two_seconds():
+@pytest.mark.parametrize(("allowed_until_s", "ends_s"), [(99.0, 3.0), (2.0, 2.0)])
+async def test_the_rest_is_sent_for_two_seconds_and_no_longer_than_is_allowed(allowed_until_s, ends_s):
+    """The autopilot is silent; the pilot takes over, or does not."""
     autopilot, clock = FakeAutopilot(silent_after=3), ManualClock()
     async with bench(autopilot, clock=clock) as made:
+        made.link.complete_while(lambda: clock.now_s() < allowed_until_s)
         task = asyncio.create_task(made.link.upload(mission()))
         await passing(clock, 1.0)
         task.cancel()
-        await passing(clock, 2.9)
+        await passing(clock, ends_s - 0.15)
         assert not task.done()
-        await passing(clock, 3.3)
+        await passing(clock, ends_s + 0.3)
         assert task.cancelled()
 
 
