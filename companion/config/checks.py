@@ -109,8 +109,8 @@ def _glide(config: MissionConfig) -> Iterator[Finding]:
     for index, place in enumerate(glide.fields):
         yield from _field_over_ground(config, index, place)
         for name, polygon in areas:
-            if polygon.covers(shapely.Point(place.east_m, place.north_m)):
-                yield ("glide", "fields", index), f"a point outside of people, {name!r}"
+            if polygon.distance(shapely.Point(place.east_m, place.north_m)) <= place.radius_m:
+                yield ("glide", "fields", index), f"a circle wholly outside of people, {name!r}"
         for obstacle in config.obstacles:
             if _is_inside(place, obstacle):
                 yield ("glide", "fields", index), f"a point outside the obstacle {obstacle.name!r}"

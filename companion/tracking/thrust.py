@@ -219,9 +219,14 @@ class ThrustMonitor:
         return _Usual(energy, throttle, airspeed, deviation)
 
     def gains(self, now_s: float) -> bool:
-        """Return whether the aircraft gains energy, or its engine runs."""
+        """Return whether the aircraft gains energy with a throttle that gives thrust, or its engine runs.
+
+        With the throttle closed, air that rises may give as much.
+        """
         now = self._rate(now_s)
-        return now is not None and now.energy_m_s > 0.0 and not self._is_still(now_s)
+        if now is None or now.throttle < WORKING_SHARE:
+            return False
+        return now.energy_m_s > 0.0 and not self._is_still(now_s)
 
     def _is_still(self, now_s: float) -> bool:
         """Return whether an engine that ran stands still."""

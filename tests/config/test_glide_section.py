@@ -33,7 +33,7 @@ def fault(text):
             "a name of its own; glide.fields.0 has this one",
         ),
         (glide_text(FIELDS.replace("80", "0")), "glide.fields.0.radius_m", "greater than 0 (metres)"),
-        (glide_text(f"{FIELDS}\n  {PEOPLE}"), "glide.fields.0", "a point outside of people, 'village'"),
+        (glide_text(f"{FIELDS}\n  {PEOPLE}"), "glide.fields.0", "a circle wholly outside of people"),
         (
             glide_text(f"{FIELDS}\n  {PEOPLE.replace('[1100, 100], ', '')}".replace("[1100, -100], ", "")),
             "glide.people.0.polygon_enu_m",

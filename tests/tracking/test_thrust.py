@@ -193,6 +193,8 @@ def test_energy_that_rises_shows_thrust():
     assert fed(climbing).gains(9.9)
     assert not fed(level(10.0) + sinking(10.0, 14.0, 2.0, 1.0)).gains(13.9)
     assert not fed(climbing).gains(15.0)  # too old
+    idle = [(stamp, up, airspeed, 0.1) for stamp, up, airspeed, _ in climbing]
+    assert not fed(idle).gains(9.9)  # the air rises
 
 
 def test_a_flight_that_was_forgotten_begins_again():

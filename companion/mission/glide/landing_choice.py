@@ -151,9 +151,12 @@ class GlideOptions:
 
     @cached_property
     def allowed(self) -> tuple[LandingPlace, ...]:
-        """The places outside of the areas with people."""
+        """The places that lie wholly outside of the areas with people."""
         return tuple(
-            place for place in self.places if not self.areas.covers(shapely.Point(place.position_enu_m[:2]))
+            place
+            for place in self.places
+            if self.areas.is_empty
+            or self.areas.distance(shapely.Point(place.position_enu_m[:2])) > place.radius_m
         )
 
     def is_clear(self, track_enu_m: FloatArray, margin_m: float = TRACK_MARGIN_M) -> bool:

@@ -98,6 +98,9 @@ def test_circles_keep_clear_of_walls():
 def test_a_field_among_people_is_none():
     options = options_of(f"{FIELDS}\n  {PEOPLE}", home=(0.0, -500.0, 0.0))
     assert [place.name for place in options.allowed] == ["meadow"]
+    near = options_of(f"{FIELDS}\n  {PEOPLE}", home=(0.0, -250.0, 0.0))
+    assert [place.name for place in near.allowed] == ["meadow"]  # Home's circle reaches into the village.
+    assert "home" in [place.name for place in options_of(FIELDS, home=(0.0, -250.0, 0.0)).allowed]
 
 
 def test_open_ground_keeps_away_from_people_and_walls():
