@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the Debian package of the commit that is checked out, and tries it.
+"""Makes the Debian package and the image of the commit that is checked out, and tries them.
 
 The package holds what the image holds: the Dockerfile is carried out in a clean Debian, as ``make image``
 does, and the program, its Python packages and its compiled kernels are taken from there. So they come from
@@ -25,13 +25,15 @@ import time
 from email.utils import formatdate
 from pathlib import Path
 
+from image_archive import image_archive, prove_image_archive
 from make_release import committed_tree, newest_section
 from prove_deb import prove
-from prove_image import Builder, instructions
+from prove_image import Builder, Stage, instructions
 from prove_systemd import prove_under_systemd
 
 SOURCE = Path(__file__).resolve().parents[1]
 NAME = "safe-rrt-companion"
+MADE = (f"{NAME}_*.deb", f"{NAME}_*.image.tar.gz")
 DOCUMENTS = f"usr/share/doc/{NAME}"
 MAINTAINER = re.compile(r"(?m)^Maintainer: (.+)$")
 BASE = re.compile(r"^FROM python:3\.(?P<minor>\d+)-slim-(?P<release>\w+)", flags=re.MULTILINE)
@@ -167,13 +169,27 @@ def describe(root: Path, tree: Path, version: str, architecture: str, minor: str
     )  # fmt: skip
 
 
-def image_of(tree: Path, cache: Path, work: Path) -> Path:
-    """Return the root of the image that a checkout's Dockerfile describes."""
+def image_of(tree: Path, cache: Path, work: Path) -> Stage:
+    """Return the image that a checkout's Dockerfile describes."""
     builder = Builder(cache, work, tree)
     for step in instructions((tree / "Dockerfile").read_text(encoding="utf-8")):
         log.info("Dockerfile:%d: %s %.60s", step.line, step.word, step.rest)
         builder.carry_out(step)
-    return builder.stage.root
+    return builder.stage
+
+
+def version_of(tree: Path) -> str:
+    """Return the version that a checkout says it is of.
+
+    Raises
+    ------
+    ValueError
+        If it says none.
+    """
+    found = VERSION.search((tree / "companion/__init__.py").read_text(encoding="utf-8"))
+    if found is None:
+        raise ValueError("companion names no version")
+    return found[1]
 
 
 def packed(image: Path, tree: Path, work: Path) -> Path:
@@ -184,14 +200,13 @@ def packed(image: Path, tree: Path, work: Path) -> Path:
     ValueError
         If the checkout does not say its version, or for which Python and Debian it is.
     """
-    base = BASE.search((tree / "Dockerfile").read_text(encoding="utf-8"))
-    found = VERSION.search((tree / "companion/__init__.py").read_text(encoding="utf-8"))
-    if base is None or found is None:
-        raise ValueError("the Dockerfile names no Python and Debian, or companion no version")
+    base, own = BASE.search((tree / "Dockerfile").read_text(encoding="utf-8")), version_of(tree)
+    if base is None:
+        raise ValueError("the Dockerfile names no Python and Debian")
     section, _ = newest_section((tree / "CHANGELOG.md").read_text(encoding="utf-8"))
     moment = time.strftime("%Y%m%d%H%M", time.gmtime(float(os.environ["SOURCE_DATE_EPOCH"])))
     debian = (image / "etc/debian_version").read_text(encoding="ascii").partition(".")[0].strip()
-    version = debian_version(found[1], debian, "" if section == found[1] else moment)
+    version = debian_version(own, debian, "" if section == own else moment)
     architecture, root = _said("dpkg", "--print-architecture"), work / "package"
     lay_out(image, tree, root, base["minor"])
     _remove_empty_folders(root)
@@ -235,13 +250,18 @@ def main() -> int:
         with tempfile.TemporaryDirectory(dir=cache) as name:
             work = Path(name)
             tree = committed_tree(work)
-            made = packed(image_of(tree, cache, work), tree, work)
+            image = image_of(tree, cache, work)
+            made = packed(image.root, tree, work)
             check(made)
+            version, architecture = version_of(tree), _said("dpkg", "--print-architecture")
+            archive = image_archive(image, version, architecture, work)
+            prove_image_archive(archive, work)
             prove(made, cache, work)
             prove_under_systemd(made, cache, work)
-            for old in target.glob(f"{NAME}_*.deb"):
+            for old in (found for pattern in MADE for found in target.glob(pattern)):
                 old.unlink()
-            shutil.copy(made, target)
+            for file in (made, archive):
+                shutil.copy(file, target)
     except (OSError, ValueError, RuntimeError, subprocess.SubprocessError) as error:
         log.error("no Debian package: %s", error)
         return 1

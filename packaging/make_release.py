@@ -32,7 +32,10 @@ SOURCE = Path(__file__).resolve().parents[1]
 MISSION = "mission_configs/first-flight.yaml"
 PACKAGES = {"companion": "companion", "sim": "companion_sim"}  # A wheel's package, by directory.
 NOT_PACKED = {"companion/kernels/ruff.toml"}  # A linter's settings are for the checkout.
-OURS = ("safe_rrt_companion-*", "safe-rrt-companion_*.deb", "SHA256SUMS", "RELEASE_NOTES.md")
+OURS = (
+    "safe_rrt_companion-*", "safe-rrt-companion_*.deb", "safe-rrt-companion_*.image.tar.gz", "SHA256SUMS",
+    "RELEASE_NOTES.md",
+)  # fmt: skip
 LOCK = "requirements/service.txt"
 LOCKED = re.compile(r"(?m)^([A-Za-z0-9._-]+)(?:\[[^\]]*\])?==([^\s;]+)")
 BILL_MAKER = SOURCE / ".venv-sbom/bin/cyclonedx-py"
@@ -112,7 +115,7 @@ def bill_of_materials(tree: Path, version: str) -> str:
 
 
 def debian_package(work: Path) -> list[Path]:
-    """Return the Debian package of this commit, or nothing where none can be made.
+    """Return the Debian package and the image of this commit, or nothing where none can be made.
 
     Raises
     ------
@@ -126,7 +129,7 @@ def debian_package(work: Path) -> list[Path]:
         return []
     if code != 0:
         raise RuntimeError("the Debian package does not pass")
-    return list(place.glob("*.deb"))
+    return [*place.glob("*.deb"), *place.glob("*.image.tar.gz")]
 
 
 def _ran(*command: str | Path, folder: Path, environment: dict[str, str] | None = None) -> str:

@@ -37,6 +37,8 @@ FROM_OUTSIDE = ("PIP_", "SSL_CERT_", "http_proxy", "https_proxy", "no_proxy", "H
 MISSION = "/usr/share/companion/mission_configs/first-flight.yaml"
 SBOM = "/opt/companion/share/sbom.cdx.json"
 HEALTHY_S = 60.0
+# Options of HEALTHCHECK, in seconds, and their names in an image's configuration.
+HEALTH_TIMES = {"interval": "Interval", "timeout": "Timeout", "start-period": "StartPeriod"}
 COMPILING = "compiling"  # in the status that the service tells until its kernels are there
 SIZE_MAX_MB = 390.0  # above the base image
 
@@ -73,7 +75,10 @@ class Stage:
     user: str = "root"
     folder: str = "/"
     entry: list[str] = field(default_factory=list)
+    command: list[str] = field(default_factory=list)
     health: list[str] = field(default_factory=list)
+    health_times_s: dict[str, int] = field(default_factory=dict)
+    health_retries: int = 3
     stop: signal.Signals = signal.SIGTERM
 
 
@@ -193,7 +198,13 @@ class Builder:
         self.stage.user = rest
 
     def _healthcheck(self, rest: str) -> None:
-        self.stage.health = json.loads(rest.partition("CMD ")[2])
+        options, _, command = rest.partition("CMD ")
+        self.stage.health = json.loads(command)
+        for option, value in re.findall(r"--(\S+)=(\d+)s?", options):
+            if option == "retries":
+                self.stage.health_retries = int(value)
+            else:
+                self.stage.health_times_s[HEALTH_TIMES[option]] = int(value)
 
     def _stopsignal(self, rest: str) -> None:
         self.stage.stop = signal.Signals[rest]
@@ -202,7 +213,8 @@ class Builder:
         self.stage.entry = json.loads(rest)
 
     def _cmd(self, rest: str) -> None:
-        self.run([*self.stage.entry, *json.loads(rest)])
+        self.stage.command = json.loads(rest)
+        self.run([*self.stage.entry, *self.stage.command])
 
     def _run(self, rest: str) -> None:
         caches = []
