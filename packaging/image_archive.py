@@ -26,7 +26,7 @@ from prove_deb import Debian, must
 from prove_image import MISSION, Stage
 
 NAME = "safe-rrt-companion"
-LAYER, MANIFEST = "layer.tar", "manifest.json"
+LAYER, PACKED_LAYER, MANIFEST = "layer.tar", "layer.tar.gz", "manifest.json"
 # What is made anew when a container starts, what belongs to this computer, and what only a build needs.
 LEFT_OUT = (
     "proc/*", "sys/*", "dev/*", "run/*", "tmp/*", "etc/pip.conf", "etc/resolv.conf", "root/.cache",
@@ -109,14 +109,14 @@ def image_archive(stage: Stage, version: str, architecture: str, work: Path) -> 
     text = json.dumps(configuration(stage, architecture, digest), indent=1)
     name = f"{hashlib.sha256(text.encode()).hexdigest()}.json"
     (place / name).write_text(text, encoding="ascii")
-    manifest = [{"Config": name, "RepoTags": [f"{NAME}:{version}"], "Layers": [LAYER]}]
+    manifest = [{"Config": name, "RepoTags": [f"{NAME}:{version}"], "Layers": [PACKED_LAYER]}]
     (place / MANIFEST).write_text(json.dumps(manifest), encoding="ascii")
-    made = work / f"{NAME}_{version}_{architecture}.image.tar.gz"
-    with (
-        gzip.GzipFile(made, "wb", compresslevel=6, mtime=0) as packed,
-        tarfile.open(fileobj=packed, mode="w") as archive,
-    ):
-        for part in (MANIFEST, name, LAYER):
+    subprocess.run(
+        ["gzip", "--no-name", place / LAYER], check=True
+    )  # podman reads no archive that is packed as a whole.
+    made = work / f"{NAME}_{version}_{architecture}.image.tar"
+    with tarfile.open(made, mode="w") as archive:
+        for part in (MANIFEST, name, PACKED_LAYER):
             archive.add(place / part, arcname=part, filter=_without_owner)
     shutil.rmtree(place)
     log.info("%s: %.0f MB", made.name, made.stat().st_size / 1e6)
@@ -145,13 +145,13 @@ def prove_image_archive(archive: Path, work: Path) -> None:
     (entry,) = json.loads((place / MANIFEST).read_text(encoding="ascii"))
     about = json.loads((place / entry["Config"]).read_text(encoding="ascii"))
     (layer,) = entry["Layers"]
-    with (place / layer).open("rb") as file:
+    with gzip.open(place / layer) as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     must(
         about["rootfs"]["diff_ids"] == [f"sha256:{digest}"],
         "the image's layer is not that of its configuration",
     )
-    subprocess.run(["tar", "-C", root, "-xpf", place / layer], check=True)
+    subprocess.run(["tar", "-C", root, "-xpzf", place / layer], check=True)
     for own in ("etc/pip.conf", "etc/resolv.conf"):
         must(not (root / own).exists(), f"the image has this computer's /{own}")
     must(

@@ -33,7 +33,7 @@ from prove_systemd import prove_under_systemd
 
 SOURCE = Path(__file__).resolve().parents[1]
 NAME = "safe-rrt-companion"
-MADE = (f"{NAME}_*.deb", f"{NAME}_*.image.tar.gz")
+MADE = (f"{NAME}_*.deb", f"{NAME}_*.image.tar")
 DOCUMENTS = f"usr/share/doc/{NAME}"
 MAINTAINER = re.compile(r"(?m)^Maintainer: (.+)$")
 BASE = re.compile(r"^FROM python:3\.(?P<minor>\d+)-slim-(?P<release>\w+)", flags=re.MULTILINE)

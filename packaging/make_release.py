@@ -33,7 +33,7 @@ MISSION = "mission_configs/first-flight.yaml"
 PACKAGES = {"companion": "companion", "sim": "companion_sim"}  # A wheel's package, by directory.
 NOT_PACKED = {"companion/kernels/ruff.toml"}  # A linter's settings are for the checkout.
 OURS = (
-    "safe_rrt_companion-*", "safe-rrt-companion_*.deb", "safe-rrt-companion_*.image.tar.gz", "SHA256SUMS",
+    "safe_rrt_companion-*", "safe-rrt-companion_*.deb", "safe-rrt-companion_*.image.tar", "SHA256SUMS",
     "RELEASE_NOTES.md",
 )  # fmt: skip
 LOCK = "requirements/service.txt"
@@ -129,7 +129,7 @@ def debian_package(work: Path) -> list[Path]:
         return []
     if code != 0:
         raise RuntimeError("the Debian package does not pass")
-    return [*place.glob("*.deb"), *place.glob("*.image.tar.gz")]
+    return [*place.glob("*.deb"), *place.glob("*.image.tar")]
 
 
 def _ran(*command: str | Path, folder: Path, environment: dict[str, str] | None = None) -> str:

@@ -1,5 +1,6 @@
 """The archive of an image: what its configuration says, what is in its layer, and what is left out."""
 
+import gzip
 import hashlib
 import io
 import json
@@ -38,7 +39,7 @@ def parts_of(archive):
 
 def test_the_archive_is_as_docker_saves_one(stage, tmp_path):
     archive = image_archive.image_archive(stage, "1.2.3", "amd64", tmp_path)
-    assert archive.name == "safe-rrt-companion_1.2.3_amd64.image.tar.gz"
+    assert archive.name == "safe-rrt-companion_1.2.3_amd64.image.tar"
     parts = parts_of(archive)
     (entry,) = json.loads(parts["manifest.json"])
     assert entry["RepoTags"] == ["safe-rrt-companion:1.2.3"]
@@ -46,7 +47,8 @@ def test_the_archive_is_as_docker_saves_one(stage, tmp_path):
     assert entry["Config"] == f"{hashlib.sha256(text).hexdigest()}.json"
     about = json.loads(text)
     (layer,) = entry["Layers"]
-    assert about["rootfs"]["diff_ids"] == [f"sha256:{hashlib.sha256(parts[layer]).hexdigest()}"]
+    unpacked = gzip.decompress(parts[layer])
+    assert about["rootfs"]["diff_ids"] == [f"sha256:{hashlib.sha256(unpacked).hexdigest()}"]
     assert (about["architecture"], about["os"], about["created"]) == (
         "amd64",
         "linux",
@@ -64,7 +66,7 @@ def test_the_archive_is_as_docker_saves_one(stage, tmp_path):
 
 def test_nothing_of_this_computer_is_in_the_layer(stage, tmp_path):
     parts = parts_of(image_archive.image_archive(stage, "1.2.3", "amd64", tmp_path))
-    with tarfile.open(fileobj=io.BytesIO(parts["layer.tar"])) as layer:
+    with tarfile.open(fileobj=io.BytesIO(gzip.decompress(parts["layer.tar.gz"]))) as layer:
         files = sorted(entry.name for entry in layer.getmembers() if entry.isfile())
     assert files == ["./etc/passwd", "./opt/companion/bin/companion", "./var/lib/companion/.keep"]
 
