@@ -46,6 +46,7 @@ from companion.types.state import Ownship
 BACK_S = 6.0  # An aircraft past its field is turned back to it no more often than this.
 OTHERS_MIN = 4  # Another place is taken when it was found so many times in a row, twice a second.
 AGAIN_S = 1.0  # After a failed exchange, the next is tried after this time.
+EARLIEST_S = 0.5  # No mission is entered sooner after its place was chosen.
 LEAD_S = 2.5  # A mission is entered about this long after the place was chosen.
 
 
@@ -141,10 +142,11 @@ class GlideDown:
     def _choose(self, options: GlideOptions, state: FlightState, ownship: Ownship) -> None:
         """Keep the chosen place while it is within reach, else choose another.
 
-        The glide to another place begins when its mission is entered.
+        The glide to another place begins when its mission is entered, at the earliest a moment from now.
         """
         before, is_flown = self._choice, self._stage in (Stage.FLOWN, Stage.FINAL)
-        entry = begin_of(options, ownship, LEAD_S)
+        earliest = begin_of(options, ownship, EARLIEST_S)
+        entry = begin_of(options, ownship, LEAD_S)._replace(earliest=earliest)
         begin = begin_of(options, ownship) if is_flown else entry
         kept = None if before is None else from_now(options, begin, before)
         if not self._is_bound:

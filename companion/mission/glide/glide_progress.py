@@ -11,16 +11,16 @@ from companion.mission.glide.landing_choice import (
     Begin,
     GlideOptions,
     LandingChoice,
+    as_flown,
     best_field,
     choice_for,
     left_after_circle_m,
     likely_ways,
-    narrowest_m,
     open_ground,
 )
 from companion.tracking.ownship import predicted
 from companion.types.state import Ownship
-from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, GlideModel, glide_to
+from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, glide_to
 
 # The final begins when the height that would be left over the field is less than this, and so much for each
 # second of the glide to it: air that rises or sinks may change the rate of sink by so much.
@@ -109,7 +109,7 @@ def circle_is_due(options: GlideOptions, choice: LandingChoice) -> bool:
     """
     (east, north, _), radius = choice.approach
     is_outside = math.dist(choice.direct.begin_enu_m[:2], (east, north)) >= radius
-    is_above = is_outside and -choice.spare_m < left_after_circle_m(_as_flown(options.model), choice)
+    is_above = is_outside and -choice.spare_m < left_after_circle_m(as_flown(options.model), choice)
     is_pointed = abs(choice.direct.turned_rad) < POINTED_RAD
     is_far = choice.away_m > NEAR_RADII * choice.direct.model.turn_radius_m
     return is_above and is_pointed and is_far and is_clear_now(options, choice, choice.to_circle)
@@ -140,13 +140,8 @@ def final_is_due(options: GlideOptions, choice: LandingChoice, entry: Begin) -> 
     is_below = choice.spare_m <= FINAL_M + FINAL_M_S * min(choice.direct.duration_s, CORRECTED_S)
     if not is_below:
         return False
-    ways = likely_ways(_as_flown(options.model), entry, choice.place.position_enu_m)
+    ways = likely_ways(as_flown(options.model), entry, choice.place.position_enu_m)
     return all(is_clear_now(options, choice, way) for way in ways or [choice.direct])
-
-
-def _as_flown(model: GlideModel) -> GlideModel:
-    """Return the glide with turns as narrow as autopilots fly them."""
-    return replace(model, turn_radius_m=min(model.turn_radius_m, narrowest_m(model.airspeed_m_s)))
 
 
 def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> LandingChoice:
@@ -158,7 +153,7 @@ def from_now(options: GlideOptions, begin: Begin, choice: LandingChoice) -> Land
     direct, to_circle = (
         glide_to(of, begin.position_enu_m, begin.heading_rad, place[:2], begin.wind_enu_m_s)
         for of, place in (
-            (_as_flown(model), choice.place.position_enu_m),
+            (as_flown(model), choice.place.position_enu_m),
             (model, choice.approach.centre_enu_m),
         )
     )

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -61,11 +61,15 @@ class LandingPlace(NamedTuple):
 
 
 class Begin(NamedTuple):
-    """Where a glide begins: east, north, up [m], heading through the air [rad], and the wind [m/s]."""
+    """Where a glide begins: east, north, up [m], heading through the air [rad], and the wind [m/s].
+
+    ``earliest`` is where the autopilot may begin it already, if that is known.
+    """
 
     position_enu_m: Place
     heading_rad: float
     wind_enu_m_s: Wind
+    earliest: Begin | None = None
 
 
 class Approach(NamedTuple):
@@ -280,6 +284,8 @@ def choice_for(options: GlideOptions, begin: Begin, place: LandingPlace) -> Land
         ways = likely_ways(options.model, begin, approach.centre_enu_m)
         if not ways:
             continue
+        if begin.earliest is not None:
+            ways += likely_ways(as_flown(options.model), begin.earliest, approach.centre_enu_m)
         found = LandingChoice(place, direct, ways[0], approach)
         left = left_after_circle_m(options.model, found)
         is_easy = left >= RESERVE_M and not _is_overhead(found)
@@ -288,6 +294,11 @@ def choice_for(options: GlideOptions, begin: Begin, place: LandingPlace) -> Land
         if all(options.is_glide_clear(way, place) for way in ways):
             return found
     return None
+
+
+def as_flown(model: GlideModel) -> GlideModel:
+    """Return the glide with turns as narrow as autopilots fly them."""
+    return replace(model, turn_radius_m=min(model.turn_radius_m, narrowest_m(model.airspeed_m_s)))
 
 
 def likely_ways(model: GlideModel, begin: Begin, place_enu_m: Place) -> list[Glide]:

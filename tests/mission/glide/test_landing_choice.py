@@ -27,6 +27,9 @@ TWO = (
 BESIDE = """obstacles:
   - {name: wall, polygon_enu_m: [[-400, 50], [400, 50], [400, 90], [-400, 90]], base_m: 0, top_m: 400}
 """
+INSIDE = """obstacles:
+  - {name: wall, polygon_enu_m: [[45, -200], [400, -200], [400, -15], [45, -15]], base_m: 0, top_m: 400}
+"""
 PEOPLE = "people: [{name: village, polygon_enu_m: [[-900, -300], [900, -300], [900, -2000], [-900, -2000]]}]"
 
 
@@ -160,6 +163,16 @@ def test_a_final_that_is_too_high_goes_back_to_the_circle_while_the_field_is_far
     assert circle_is_due(options, high)
     assert not circle_is_due(options, from_now(options, at(80.0, place=(950.0, 0.0)), found))
     assert not circle_is_due(options, from_now(options, at(32.0, place=(700.0, 0.0)), found))
+
+
+def test_no_field_is_chosen_if_a_turn_that_begins_earlier_meets_a_wall():
+    """The wall lies on the inside of the turn: an autopilot that turns at once, and tightly, meets it."""
+    options = options_of(extra=INSIDE)
+    later = at(300.0, heading=0.0, place=(0.0, 0.0))
+    sooner = later._replace(position_enu_m=(0.0, -60.0, 300.0))
+    assert best_field(options, later).place.name == "meadow"
+    assert best_field(options, later._replace(earliest=sooner)) is None
+    assert best_field(options_of(), later._replace(earliest=sooner)).place.name == "meadow"
 
 
 def test_a_final_is_flown_on_if_the_way_by_the_circle_would_end_farther_from_the_field():
