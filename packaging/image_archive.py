@@ -124,10 +124,8 @@ def image_archive(stage: Stage, version: str, architecture: str, work: Path) -> 
 
 
 def _without_owner(entry: tarfile.TarInfo) -> tarfile.TarInfo:
-    entry.uid = entry.gid = 0
-    entry.uname = entry.gname = ""
-    entry.mtime = int(os.environ["SOURCE_DATE_EPOCH"])
-    return entry
+    moment = int(os.environ["SOURCE_DATE_EPOCH"])
+    return entry.replace(uid=0, gid=0, uname="", gname="", mtime=moment, deep=False)
 
 
 def prove_image_archive(archive: Path, work: Path) -> None:
