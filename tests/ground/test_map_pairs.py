@@ -18,10 +18,10 @@ def test_pairs_over_a_plain_are_all_joined(tmp_path, monkeypatch, capsys):
         transform=layout,
     ) as made:  # fmt: skip
         made.write(np.full((200, 200), 500.0, dtype=np.float32), 1)
-    monkeypatch.setattr(sys, "argv", ["map_pairs", str(file), "-n", "3", "--ompl", "0.3"])
+    monkeypatch.setattr(sys, "argv", ["map_pairs", str(file), "-n", "2", "--ompl", "2"])
     map_pairs.main()
     told = capsys.readouterr().out
-    assert "3 of 3 reach the goal" in told
+    assert "2 of 2 reach the goal" in told
     ratio, most = map(
         float, re.search(r"ours are ([\d.]+) times as long \(median\), ([\d.]+)", told).groups()
     )
