@@ -45,8 +45,8 @@ class ItemOverGround:
     over_ground_m : float
         Height over the ground below it [m].
     leg_lowest_m : float or None
-        Least height over ground on the leg from the item before [m]; None for the first item, for the climb
-        behind a take-off, and for the leg to a landing.
+        Least height over ground on the leg from the item before [m]; None for the first item and for the leg
+        to a landing. A take-off counts with the height that it climbs to.
     follows_ground : bool
         Whether the autopilot follows the ground on the leg from the item before, since both ends of the leg
         have heights over terrain.
@@ -92,7 +92,7 @@ def items_over_ground(file: Path, mission: MissionConfig) -> list[ItemOverGround
         over_m = place[2] - float(ground.up_m(np.array([place]))[0])
         follows = before is not None and {before.frame, item.frame} <= TERRAIN_FRAMES
         found.append(ItemOverGround(f"{entry.label}, {title_of(entry)}", place, over_m, None, follows))
-        if before is not None and before.command != Command.NAV_TAKEOFF and item.command != Command.NAV_LAND:
+        if before is not None and item.command != Command.NAV_LAND:
             found[-1] = replace(found[-1], leg_lowest_m=_leg_lowest_m(ground, *found[-2:]))
         before = item
     if len(found) < 2:

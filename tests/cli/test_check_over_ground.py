@@ -124,8 +124,8 @@ def test_items_of_an_operator_have_their_heights_over_ground(companion, tmp_path
     told = companion("check", RIDGE, "--items", file(tmp_path / name), "--json", "-")
     rows = json.loads(told.out)["items_over_ground"]
     assert [row["over_ground_m"] for row in rows] == pytest.approx(over, abs=0.2)
-    # Behind the take-off and to the landing the aircraft is near the ground; over terrain it follows it.
-    expected = [None, None, legs[1], legs[2], 80.0, legs[4], None]
+    # To the landing the aircraft is near the ground; over terrain it follows it.
+    expected = [None, legs[0], legs[1], legs[2], 80.0, legs[4], None]
     assert [row["leg_lowest_m"] is None for row in rows] == [leg is None for leg in expected]
     assert [row["leg_lowest_m"] for row in rows if row["leg_lowest_m"] is not None] == pytest.approx(
         [leg for leg in expected if leg is not None], abs=0.5
@@ -139,7 +139,7 @@ def test_items_are_a_table_and_a_line_in_the_picture(companion, tmp_path):
     words = " ".join(told.out.replace("│", " ").split())
     _, legs = ups_by_the_simulator()
     assert f"item 3, NAV_WAYPOINT (16) 306 m 170 m {legs[1]:.0f} m" in words
-    assert "2 of 4 legs come below 50 m over ground (terrain.height_min_m)" in words
+    assert "3 of 5 legs come below 50 m over ground (terrain.height_min_m)" in words
     companion("check", RIDGE, "--plot", bare)
     assert drawn.read_bytes() != bare.read_bytes()
 
