@@ -42,7 +42,7 @@ from companion.mission_files import mission_commands
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
 
 EXIT_FAILED = 1
-MISSION_SUFFIXES = (".yaml", ".yml")
+RECORDING_SUFFIXES = (".mcap", ".tlog")
 HEALTH_MAX = 10_000  # Bytes of an answer.
 EXTRA_COMMANDS = "companion.commands"
 # Packages that some commands need, and the extras that install them.
@@ -76,25 +76,27 @@ def check(
     """Validate a mission file, and print a summary of it."""
     from companion.config import load_mission, require_goals
     from companion.config.mission_summary import mission_summary, summary_parts
-    from companion.mission_files import items_over_ground as over_ground
 
     if plot is not None:
         from companion.config.compose import world_of
         from companion.ui.reports.plots import plot_mission
 
     config = load_mission(mission)
-    listed = [] if items is None else over_ground.items_over_ground(items, config)
+    heights, tables, line = dict[str, object](), list[object](), None
+    if items is not None:
+        from companion.mission_files import items_over_ground as over_ground
+
+        listed = over_ground.items_over_ground(items, config)
+        heights["items_over_ground"] = over_ground.items_document(listed)
+        tables.append(over_ground.items_table(listed, config))
+        line = over_ground.line_of(listed, config)
     if json_file is not None:
-        heights = {"items_over_ground": over_ground.items_document(listed)} if listed else {}
         write_json(json_file, mission_summary(config) | heights)
     if json_file is None or str(json_file) != "-":
-        for part in summary_parts(config):
+        for part in (*summary_parts(config), *tables):
             console.print(part)
-        if listed:
-            console.print(over_ground.items_table(listed, config))
     if plot is not None:
         require_goals(config, str(mission))
-        line = over_ground.line_of(listed, config) if listed else None
         with writing(plot, "--plot"):
             plot_mission(plot, config, world_of(config, none_known=False), line)
 
@@ -137,8 +139,10 @@ def plan(
     if plot is not None:
         with writing(plot, "--plot"):
             plot_plan(plot, config, snapshot, plans[0])
-    for line in mission_commands.export_plan(config, plans[0].path, Targets(plan_file, kml, geojson, force)):
-        console.print(line, markup=False, soft_wrap=True)
+    targets = Targets(plan_file, kml, geojson, force)
+    if targets.is_any and plans[0].path is not None:
+        said = mission_commands.export_plan(config, plans[0].path, targets)
+        console.print(said, markup=False, soft_wrap=True)
     if not all(entry.reaches_goal for entry in plans):
         raise typer.Exit(EXIT_FAILED)
 
@@ -334,15 +338,18 @@ def export(
     force: Force = False,
 ) -> None:
     """Export a recording for Foxglove or rerun; a flight or a mission for ground stations and maps."""
-    from companion.service.replay import flight_summary
-    from companion.service.replay import replay_command as replaying
+    targets = Targets(plan, kml, geojson, force)
+    is_recording = flight.is_dir() or flight.suffix in RECORDING_SUFFIXES
+    if is_recording and targets.is_any:
+        from companion.service.replay import flight_summary
 
-    if flight.suffix in MISSION_SUFFIXES:
-        said = mission_commands.export_places(flight, plan, kml, geojson, replaces=force)
-    elif (targets := Targets(plan, kml, geojson, force)).is_any:
         mission, _, record = flight_summary.flight_of(flight if flight.is_dir() else flight.parent)
         said = mission_commands.export_flight(mission, record, targets)
+    elif targets.is_any or flight.suffix == ".yaml":
+        said = mission_commands.export_mission_file(flight, targets)
     else:
+        from companion.service.replay import replay_command as replaying
+
         said = replaying.exported(flight, target, is_for_rerun=rerun)
     console.print(said, markup=False, soft_wrap=True)
 

@@ -22,10 +22,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from prove_deb import Debian, must
+from prove_deb import NAME, Debian, must
 from prove_image import MISSION, Stage
 
-NAME = "safe-rrt-companion"
 LAYER, PACKED_LAYER, MANIFEST = "layer.tar", "layer.tar.gz", "manifest.json"
 # What is made anew when a container starts, what belongs to this computer, and what only a build needs.
 LEFT_OUT = (

@@ -318,6 +318,15 @@ def prove_removal(system: Debian) -> None:
     log.info("removal keeps configuration and state, purge leaves nothing")
 
 
+def clean_debian(root: Path, cache: Path) -> Debian:
+    """Return a clean Debian in a new folder, which knows the packages that there are."""
+    root.mkdir()
+    subprocess.run(["tar", "-C", root, "-xf", debian(cache, RELEASE)], check=True)
+    system = Debian(root)
+    system.ran("apt-get", "-qq", "update")
+    return system
+
+
 def prove(package: Path, cache: Path, work: Path) -> None:
     """Try a package in a clean Debian.
 
@@ -327,10 +336,7 @@ def prove(package: Path, cache: Path, work: Path) -> None:
         If it does not do what a package has to.
     """
     root = work / "debian"
-    root.mkdir()
-    subprocess.run(["tar", "-C", root, "-xf", debian(cache, RELEASE)], check=True)
-    system = Debian(root)
-    system.ran("apt-get", "-qq", "update")
+    system = clean_debian(root, cache)
     system.install(package)
     prove_purged(system)
     clean = system.everything()  # with the packages that ours needs

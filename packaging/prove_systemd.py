@@ -23,15 +23,13 @@ from prove_deb import (
     NAME,
     PATH,
     READY_MAX_S,
-    RELEASE,
-    Debian,
+    clean_debian,
     free_address,
     must,
     prove_accounts_gone,
     prove_purged,
     repacked,
 )
-from prove_image import debian
 
 BOOT_MAX_S = 20.0
 UNIT = "companion"
@@ -138,10 +136,7 @@ def prove_under_systemd(package: Path, cache: Path, work: Path) -> None:
         If the service does not do what its unit promises.
     """
     root = work / "booted"
-    root.mkdir()
-    subprocess.run(["tar", "-C", root, "-xf", debian(cache, RELEASE)], check=True)
-    system = Debian(root)
-    system.ran("apt-get", "-qq", "update")
+    system = clean_debian(root, cache)
     system.ran("apt-get", "-qq", "install", "--yes", "--no-install-recommends", *NEEDED)
     system.install(package)  # It brings the packages that it needs.
     prove_purged(system)

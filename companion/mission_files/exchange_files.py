@@ -10,7 +10,7 @@ from companion import safe_files
 from companion.cli_options import Targets
 from companion.config import MissionConfig, load_mission, mission_from_text
 from companion.errors import ConfigError
-from companion.mission_files.formats.foreign_file import foreign_bytes
+from companion.mission_files.formats.foreign_file import foreign_bytes, reader_of
 from companion.mission_files.formats.geojson_file import feature_collection, take_geojson
 from companion.mission_files.formats.gpx_file import take_gpx
 from companion.mission_files.formats.kml_file import kml_bytes, take_kml, take_kmz
@@ -58,15 +58,7 @@ def taken(path: Path, default_kind: Kind | None = None) -> Importer:
     ConfigError
         If it is of an unknown kind, cannot be read, or is wrong.
     """
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise ConfigError(
-            str(path),
-            None,
-            "file name",
-            path.suffix or "no ending",
-            f"a name that ends in {', '.join(READERS)}",
-        )
+    reader = reader_of(path, READERS)
     importer = Importer(path.name, default_kind)
     reader(importer, foreign_bytes(path))
     if not importer.places:
@@ -188,19 +180,15 @@ def import_files(
     return check_text(text, str(target))
 
 
-def export_mission(
-    mission: Path, plan: Path | None, kml: Path | None, geojson: Path | None, *, replaces: bool
-) -> list[str]:
+def export_mission(mission: Path, targets: Targets) -> list[str]:
     """Export the places of a mission file, and return a line for each file and for what is not in it.
 
     Parameters
     ----------
     mission : Path
         The mission file.
-    plan, kml, geojson : Path or None
-        Files to write, each in its format.
-    replaces : bool
-        True to replace existing files.
+    targets : Targets
+        The files to write.
 
     Raises
     ------
@@ -208,7 +196,7 @@ def export_mission(
         If the mission is wrong, or a file cannot be written.
     """
     config = load_mission(mission)
-    said = export_places(config, Targets(plan, kml, geojson, replaces))
+    said = export_places(config, targets)
     if config.goals_from_autopilot:
         said.append("goals: none, since they are in the autopilot")
     return [

@@ -16,7 +16,7 @@ from companion.config.sections.terrain_map import ground_heights_of
 from companion.errors import ConfigError
 from companion.frames import FloatArray
 from companion.mission.operator import FIRST_WITHOUT_PLACE, TERRAIN_FRAMES, position_of
-from companion.mission_files.formats.foreign_file import foreign_bytes
+from companion.mission_files.formats.foreign_file import foreign_bytes, reader_of
 from companion.mission_files.formats.item_places import Item, title_of
 from companion.mission_files.formats.plan_file import items_of_plan
 from companion.mission_files.formats.waypoint_file import items_of_waypoints
@@ -78,14 +78,11 @@ def items_over_ground(file: Path, mission: MissionConfig) -> list[ItemOverGround
         If there is no map, the file cannot be read or is wrong, an item lies outside the bounds, or less than
         two items have a position.
     """
-    ground, reader = ground_heights_of(mission), READERS.get(file.suffix.lower())
+    ground = ground_heights_of(mission)
     if ground is None:
         raise ConfigError("command line", None, "--items", file.name, "a mission file with a section terrain")
-    if reader is None:
-        expected = f"a name that ends in {', '.join(READERS)}"
-        raise ConfigError(str(file), None, "file name", file.suffix or "no ending", expected)
     importer = Importer(file.name)
-    entries = reader(importer, foreign_bytes(file))
+    entries = reader_of(file, READERS)(importer, foreign_bytes(file))
     found: list[ItemOverGround] = []
     before: MissionItem | None = None
     for entry, item, place in _placed(importer, entries, mission, ground):

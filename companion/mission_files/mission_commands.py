@@ -119,9 +119,7 @@ def new(
     _tell(Console(), [f"{mission}: written; companion check {mission} tells what it means"])
 
 
-def export_places(
-    mission: Path, plan: Path | None, kml: Path | None, geojson: Path | None, *, replaces: bool
-) -> str:
+def export_mission_file(mission: Path, targets: Targets) -> str:
     """Export the places of a mission file, and return what was written, for ``companion export``.
 
     Raises
@@ -129,12 +127,12 @@ def export_places(
     ConfigError
         If no format is asked for, the mission is wrong, or a file cannot be written.
     """
-    if not (plan or kml or geojson):
+    if not targets.is_any:
         expected = "--plan, --kml or --geojson with a file to write, since a mission file is exported"
         raise ConfigError("command line", None, "export", "none of its options", expected)
     from companion.mission_files.exchange_files import export_mission
 
-    return "\n".join(map(printable, export_mission(mission, plan, kml, geojson, replaces=replaces)))
+    return _text_of(export_mission(mission, targets))
 
 
 def export_flight(mission: MissionConfig, record: FlightRecord, targets: Targets) -> str:
@@ -147,32 +145,34 @@ def export_flight(mission: MissionConfig, record: FlightRecord, targets: Targets
     ConfigError
         If a plan is asked for and no mission of the service was flown, or a file cannot be written.
     """
-    from companion.mission_files.exchange_files import export_places as exported
-    from companion.mission_files.path_lines import lines_of_flight
+    from companion.mission_files.exchange_files import export_places
+    from companion.mission_files.path_lines import flown_lines, mission_lines
 
-    lines = lines_of_flight(mission, record)
-    if targets.plan is not None and len(lines) < 2:
+    missions = mission_lines(mission, record)
+    if targets.plan is not None and not missions:
         raise ConfigError("command line", None, "--plan", "no mission of the service", "a flight with one")
-    return "\n".join(map(printable, exported(mission, targets, lines, lines[-1] if len(lines) > 1 else None)))
+    lines, last = (*flown_lines(mission, record), *missions), missions[-1] if missions else None
+    return _text_of(export_places(mission, targets, lines, last))
 
 
-def export_plan(mission: MissionConfig, path: PlannedPath | None, targets: Targets) -> list[str]:
-    """Export a planned path with the places of its mission file; return a line of text for each file.
-
-    Nothing is written where there is no path.
+def export_plan(mission: MissionConfig, path: PlannedPath, targets: Targets) -> str:
+    """Export a planned path with the places of its mission file; return what was written.
 
     Raises
     ------
     ConfigError
         If a file cannot be written.
     """
-    if path is None or not targets.is_any:
-        return []
-    from companion.mission_files.exchange_files import export_places as exported
-    from companion.mission_files.path_lines import line_of, lines_of_plan, waypoints_of_plan
+    from companion.mission_files.exchange_files import export_places
+    from companion.mission_files.path_lines import line_of, waypoints_of_plan
 
+    line = line_of(mission, "planned path", path.positions_enu_m)
     waypoints = line_of(mission, "waypoints", waypoints_of_plan(path))
-    return [printable(line) for line in exported(mission, targets, lines_of_plan(mission, path), waypoints)]
+    return _text_of(export_places(mission, targets, [line], waypoints))
+
+
+def _text_of(lines: Sequence[str]) -> str:
+    return "\n".join(map(printable, lines))
 
 
 def _tell(console: Console, lines: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.record import FlightRecord
 
-BESIDE_M = 2.0  # The waypoints of a plan lead at most this far beside the path, on the map.
+BESIDE_M = 2.0  # The waypoints of a plan lead at most this far beside the path, and above or below it.
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,25 +68,24 @@ def line_of(
     return PathLine(name, latitudes, longitudes, up + mission.frame.altitude_amsl_m, times)
 
 
-def lines_of_plan(mission: MissionConfig, path: Path) -> tuple[PathLine, ...]:
-    """Return a plan's path as a line; it begins at no time of day."""
-    return (line_of(mission, "planned path", path.positions_enu_m),)
-
-
-def lines_of_flight(mission: MissionConfig, record: FlightRecord) -> tuple[PathLine, ...]:
-    """Return the flown path, and the missions of the service in the order in which they were flown."""
+def flown_lines(mission: MissionConfig, record: FlightRecord) -> tuple[PathLine, ...]:
+    """Return the flown path as a line; no line where fewer than two places are known."""
     rows = record.flown[np.isfinite(record.flown[:, :4]).all(axis=1)]
     times = () if record.epoch_s is None else (rows[:, 0] + record.epoch_s).tolist()
-    lines = [line_of(mission, "flown path", rows[:, 1:4], times)] if len(rows) > 1 else []
-    for number, uploaded in enumerate(record.missions, 1):
-        if len(uploaded.positions_enu_m) > 1:
-            name = f"mission {number}: {uploaded.reason}"
-            lines.append(line_of(mission, name, uploaded.positions_enu_m))
-    return tuple(lines)
+    return (line_of(mission, "flown path", rows[:, 1:4], times),) if len(rows) > 1 else ()
+
+
+def mission_lines(mission: MissionConfig, record: FlightRecord) -> tuple[PathLine, ...]:
+    """Return the missions of the service as lines, in the order in which they were flown."""
+    return tuple(
+        line_of(mission, f"mission {number}: {uploaded.reason}", uploaded.positions_enu_m)
+        for number, uploaded in enumerate(record.missions, 1)
+        if len(uploaded.positions_enu_m) > 1
+    )
 
 
 def waypoints_of_plan(path: Path) -> FloatArray:
-    """Return the fewest places of a path between which straight lines stay near to it, shape (K, 3) [m].
+    """Return the fewest places of a path between which straight lines stay near to it.
 
     Parameters
     ----------
@@ -98,5 +97,14 @@ def waypoints_of_plan(path: Path) -> FloatArray:
     ndarray, shape (K, 3)
         East, north, up of the origin [m].
     """
-    line = shapely.LineString(path.positions_enu_m)
-    return np.array(shapely.simplify(line, BESIDE_M).coords)
+    east, north, up = path.positions_enu_m.T
+    along = np.append(0.0, np.cumsum(np.hypot(np.diff(east), np.diff(north))))
+    number = np.arange(len(path))
+    kept = {0, len(path) - 1}
+    for line in (
+        (east, north),
+        (along, up),
+    ):  # From above and from the side; the third column is carried along.
+        simple = shapely.simplify(shapely.LineString(np.column_stack([*line, number])), 0.5 * BESIDE_M)
+        kept.update(int(row) for row in shapely.get_coordinates(simple, include_z=True)[:, 2])
+    return np.asarray(path.positions_enu_m[sorted(kept)])

@@ -246,7 +246,7 @@ class Flight:
         output.cross_track_m = self.lateral.cross_track_m
         output.height_error_m = height - estimate.up_m
 
-    def _speed_share(self, steering: Level | Leg | Circle) -> float:
+    def _speed_share(self, steering: Steering) -> float:
         """How much of pitch is for the airspeed without thrust: all in a descent, less close to a landing."""
         left = self.estimate.up_m - steering.height_m
         if isinstance(steering, Leg) and self.goes_beyond:

@@ -34,7 +34,7 @@ from companion.planning.solver import solve
 from companion.research.campaign.runs import offline_problem, offline_world
 from sim.vehicle.true_ground import TrueGround
 
-TURN_M, CLIMB_RAD, LEAST_M, MOST_M, AIRSPEED_M_S = 66.67, 0.15, 50.0, 120.0, 15.0
+TURN_M, CLIMB_RAD, LEAST_M, MOST_M = 66.67, 0.15, 50.0, 120.0
 EDGE_M, APART_M = 250.0, 1_500.0
 GOAL_COURSES = 16
 STEP_M = 10.0  # OMPL looks at its motions so often.

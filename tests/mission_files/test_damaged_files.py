@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from companion.cli_options import Targets
 from companion.config import mission_from_text
 from companion.errors import ConfigError
 from companion.mission_files.exchange_files import READERS, export_mission, imported, taken
@@ -27,7 +28,7 @@ def samples(tmp_path_factory):
     folder = tmp_path_factory.mktemp("samples")
     for form in ("plan", "kml", "geojson"):
         targets = {"plan": None, "kml": None, "geojson": None} | {form: folder / f"a.{form}"}
-        export_mission(CONFIGS / "search-area.yaml", **targets, replaces=True)
+        export_mission(CONFIGS / "search-area.yaml", Targets(**targets, replaces=True))
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as target:
         target.writestr("doc.kml", (folder / "a.kml").read_bytes())

@@ -112,7 +112,17 @@ def test_a_plan_is_a_line_and_as_few_waypoints_as_follow_it(targets):
     path = path_of(np.arange(51.0), straight, np.full(51, 0.5 * np.pi))
     assert waypoints_of_plan(path) == pytest.approx(straight[[0, -1]])
     said = export_plan(MISSION, path, targets)
-    assert "waypoints of the path" in said[0]
+    assert "waypoints of the path" in said
     features = json.loads(targets.geojson.read_text(encoding="utf-8"))["features"]
     assert len(features[-1]["geometry"]["coordinates"]) == 51
     assert sum(place.kind is Kind.GOAL for place in taken(targets.plan).places) == 2
+
+
+def test_waypoints_follow_the_heights_of_a_path_that_is_straight_on_the_map():
+    """Over a hill, two waypoints at its feet would lead into it."""
+    east = np.linspace(0.0, 1000.0, 101)
+    up = 100.0 + 80.0 * np.exp(-(((east - 500.0) / 150.0) ** 2))
+    path = path_of(np.arange(101.0), np.column_stack([east, np.zeros(101), up]), np.full(101, 0.5 * np.pi))
+    found = waypoints_of_plan(path)
+    assert 4 < len(found) < 30
+    assert np.abs(np.interp(east, found[:, 0], found[:, 2]) - up).max() <= 2.0

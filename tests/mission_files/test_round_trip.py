@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from companion.cli_options import Targets
 from companion.config import load_mission, mission_from_text
 from companion.config.load import text_of
 from companion.errors import ConfigError
@@ -24,7 +25,7 @@ def again(mission, folder, form, like):
     """A mission exported and imported again; with ``like``, settings come from the mission itself."""
     file, target = folder / "mission.yaml", folder / f"out.{form}"
     file.write_text(text_of(mission), encoding="utf-8")
-    export_mission(file, **{"plan": None, "kml": None, "geojson": None, form: target}, replaces=True)
+    export_mission(file, Targets(**{form: target}, replaces=True))
     text = imported([target], Wishes(mission.name, like=mission if like else None))
     return mission_from_text(text, "again.yaml"), text
 
@@ -164,7 +165,7 @@ def test_a_radar_keeps_its_model_and_its_values(form, tmp_path, packages):
 def test_a_plan_that_was_changed_since_is_read_as_it_stands(tmp_path):
     mission = load_mission(CONFIGS / "slow-aircraft.yaml")
     file, target = CONFIGS / "slow-aircraft.yaml", tmp_path / "out.plan"
-    export_mission(file, target, None, None, replaces=False)
+    export_mission(file, Targets(plan=target))
     plan = json.loads(target.read_text(encoding="utf-8"))
     plan["mission"]["items"][1]["params"][5] += 1e-3
     target.write_text(json.dumps(plan), encoding="utf-8")
@@ -183,7 +184,7 @@ def test_a_file_that_exists_is_kept(tmp_path):
     target = tmp_path / "out.kml"
     target.write_text("mine", encoding="utf-8")
     with pytest.raises(ConfigError, match="a new name, or --force"):
-        export_mission(CONFIGS / "convoy.yaml", None, target, None, replaces=False)
+        export_mission(CONFIGS / "convoy.yaml", Targets(kml=target))
     assert target.read_text(encoding="utf-8") == "mine"
-    export_mission(CONFIGS / "convoy.yaml", None, target, None, replaces=True)
+    export_mission(CONFIGS / "convoy.yaml", Targets(kml=target, replaces=True))
     assert "<kml" in target.read_text(encoding="utf-8")

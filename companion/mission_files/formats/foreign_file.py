@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
@@ -12,9 +13,26 @@ from companion.errors import ConfigError
 from companion.mission_files.found_places import Importer
 from companion.safe_files import read_file
 
+Reader = TypeVar("Reader")
+
 BYTES_MAX = 20_000_000
 _DEPTH_MAX = 100
 _ELEMENTS_MAX = 1_000_000
+
+
+def reader_of(path: Path, readers: Mapping[str, Reader]) -> Reader:
+    """Return the reader of a file, by the ending of its name.
+
+    Raises
+    ------
+    ConfigError
+        If there is none for it.
+    """
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        expected = f"a name that ends in {', '.join(readers)}"
+        raise ConfigError(str(path), None, "file name", path.suffix or "no ending", expected)
+    return reader
 
 
 def foreign_bytes(path: Path) -> bytes:
