@@ -335,12 +335,14 @@ def _judged(
         valid_until = float(lengths[max(min(broken), 0)]) if broken else math.inf
         return Candidate(waypoints, 0.0, violations, valid_until_m=valid_until), None
     track = simulated(state, part, waypoints)
-    faults, violations = faults_of(state, part, waypoints, track)
+    tracks = [track]
     if abs(waypoints.airspeed_m_s - float(part.speeds_m_s[0])) > FASTER_M_S:  # How soon is not known.
-        at_once = simulated(state, part, waypoints, at_once=True)
-        others, more = faults_of(state, part, waypoints, at_once)
-        faults, violations = faults.worst(others), (*violations, *more)
-    broken = [int(track.reached[entry.row]) for entry in violations]
+        tracks.append(simulated(state, part, waypoints, at_once=True))
+    faults, violations, broken = NO_FAULTS, (), list[int]()
+    for flown in tracks:
+        wrong, forbidden = faults_of(state, part, waypoints, flown)
+        faults, violations = faults.worst(wrong), (*violations, *forbidden)
+        broken += [int(flown.reached[entry.row]) for entry in forbidden]
     valid_until = float(lengths[min(broken)]) if broken and min(broken) < last else math.inf
     return Candidate(waypoints, 0.0, violations, faults, valid_until), track
 
