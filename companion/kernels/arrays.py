@@ -287,12 +287,13 @@ class Pursuers(Struct):
     """The DTs' trees (TTree), one a row of the leading axis.
 
     ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
-    ``count`` (D,) nodes in use; ``model`` (D, 10) speed, RD_max, turn radius, airborne flag, step length, and
+    ``count`` (D,) nodes in use; ``model`` (D, 12) speed, RD_max, turn radius, airborne flag, step length, and
     three more of an aircraft that flies on, whose airborne flag is 2: the vertical separation that it must
     have [m], the deviation of its height [m], and 1 if it keeps its route for certain. Its rows say where it
     is now and will be every second. One row more says where it would be in a second if it flew straight. In
     place of its turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
-    In the last two columns stand from when on it circles about its place [s], and with what radius [m].
+    Two columns say from when on it circles about its place [s], and with what radius [m]. The last two are
+    the east and north of the direction in which its wrong side lies, no longer than 1.
     ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
     drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
     (:func:`~companion.kernels.printed.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
@@ -427,7 +428,7 @@ def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_c
     nodes are found by looking at all.
     """
     num = len(models)
-    model = np.zeros((num, 10))
+    model = np.zeros((num, 12))
     model[:, 8] = np.inf
     model[:, : np.shape(models)[1]] = models
     return Pursuers(

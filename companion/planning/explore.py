@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from companion.frames import FloatArray
 from companion.kernels.aircraft.lqg_mp import collision_free, position_deviation
 from companion.kernels.aircraft.motion import OK, state_status
 from companion.kernels.arrays import DistanceField, IntArray, Limits, Scene, Tree, empty_tree
@@ -17,6 +18,7 @@ from companion.kernels.workspace import ThreatScene, workspace
 from companion.planning.problem import Problem
 from companion.world.pursuer_trees import threat_trees
 from companion.world.pursuit import pursuit_game
+from companion.world.right_of_way import with_wrong_sides
 from companion.world.vehicle.lqg import tables_once, with_gusts
 
 NO_DISTANCES = DistanceField(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
@@ -65,10 +67,11 @@ class Exploration:
         self.airspeeds_m_s = (problem.vehicle.airspeed_cruise_m_s, *faster)
         self.tables = with_gusts(still, problem.vehicle, wind, settings.tau_s)
         self.model = settings.threat_model(problem.vehicle, snapshot.unit_m)
-        self.pursuers = threat_trees(
+        trees = threat_trees(
             snapshot.tracks, snapshot.walls, self.plane_up_m, snapshot.bounds, snapshot.threat_trees,
             with_corners=settings.strategies.uses_corners,
         )  # fmt: skip
+        self.pursuers = with_wrong_sides(trees, snapshot.tracks, *self._straight_to_goal())
         vehicles = snapshot.tracks if settings.strategies.plays_game else ()
         self.game = pursuit_game(
             vehicles, snapshot.walls, self.plane_up_m, snapshot.bounds, settings.pursuit_slack_s
@@ -148,6 +151,14 @@ class Exploration:
                 game=self.game,
             )
         return self._scene
+
+    def _straight_to_goal(self) -> tuple[FloatArray, FloatArray]:
+        """The start (2,) [m], and the velocity over ground (2,) of a flight to the next goal [m/s]."""
+        problem = self.problem
+        here = np.asarray(problem.start.position_enu_m[:2])
+        way = np.asarray(problem.goals[0].position_enu_m[:2]) - here
+        air = problem.vehicle.airspeed_cruise_m_s * way / max(float(np.hypot(*way)), 1.0)
+        return here, air + problem.snapshot.wind_enu_m_s
 
     def _limits_at(self, airspeed_m_s: float) -> Limits:
         """What can be flown at an airspeed of at least the cruise's [m/s]."""

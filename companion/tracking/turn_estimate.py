@@ -18,11 +18,18 @@ import numpy as np
 from companion.frames import FloatArray
 
 RATES_RAD_S = np.radians([-6.0, -4.5, -3.0, -1.5, 0.0, 1.5, 3.0, 4.5, 6.0])  # 3°/s is a standard rate turn.
+STRAIGHT_AT_FIRST = 0.9  # Most aircraft fly straight; two noisy velocities shall not make a turn.
 KEPT_S = 20.0  # A model is left after such a time, in the mean.
 VELOCITY_STD_M_S = 1.5  # Of each reported component.
 ACCELERATION_STD_M_S2 = 1.0  # Of each component, in addition to the turn.
 GAP_MAX_S = 15.0  # After a longer silence it begins anew,
 FAR = 13.8  # and after a velocity that no model expects: the 99.9 % quantile of chi-square, two degrees.
+
+
+def first_shares() -> FloatArray:
+    """Return the shares (M,) of the models before two velocities are known."""
+    others = (1.0 - STRAIGHT_AT_FIRST) / (len(RATES_RAD_S) - 1)
+    return np.where(RATES_RAD_S == 0.0, STRAIGHT_AT_FIRST, others)
 
 
 class TurnEstimate:
@@ -74,7 +81,7 @@ class TurnEstimate:
 
     def _begin(self, velocity_m_s: FloatArray, covariance: FloatArray) -> None:
         """Begin with ``velocity_m_s`` (2,) and ``covariance`` (2, 2), which every model has alike."""
-        self._shares = np.full(len(RATES_RAD_S), 1.0 / len(RATES_RAD_S))
+        self._shares = first_shares()
         self._means[:], self._covariances[:] = velocity_m_s, covariance
 
     def _mixed(self, ahead_s: float) -> FloatArray:

@@ -12,6 +12,7 @@ from companion.tracking.turn_estimate import (
     RATES_RAD_S,
     VELOCITY_STD_M_S,
     TurnEstimate,
+    first_shares,
 )
 
 SPEED_M_S = 50.0
@@ -46,7 +47,7 @@ def test_it_is_filterpys_estimate(seed):
         model.Q = ACCELERATION_STD_M_S2**2 * np.eye(2)
         models.append(model)
     goes_over = stays * np.eye(count) + (1.0 - stays) / count
-    theirs = IMMEstimator(models, np.full(count, 1.0 / count), goes_over)
+    theirs = IMMEstimator(models, first_shares(), goes_over)
     expected = [0.0]
     for velocity in seen[1:]:
         theirs.predict()
@@ -59,6 +60,18 @@ def test_it_is_filterpys_estimate(seed):
 def test_what_flies_straight_is_not_foreseen_to_turn(seed):
     # 0.3°/s for the 30 s that are foreseen bend the way by 9°.
     assert np.abs(rates_of(velocities([0.0] * 60, seed))[5:]).mean() < 0.15
+
+
+def test_the_first_two_velocities_make_no_turn():
+    """Noise of 1 m/s turns the course by 1.6° from one velocity to the next, as a turn of 1.6°/s would."""
+    first = [np.abs(rates_of(velocities([0.0] * 5, seed))).max() for seed in range(200)]
+    assert np.quantile(first, 0.95) < 0.5
+    assert first_shares().sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("rate", [-3.0, 3.0])
+def test_an_aircraft_that_turns_from_the_first_report_on_is_known_to_turn_after_six(rate):
+    assert rates_of(velocities([rate] * 10, 1))[6:].mean() == pytest.approx(rate, rel=0.25)
 
 
 @pytest.mark.parametrize("rate", [-3.0, 2.5, 4.0])

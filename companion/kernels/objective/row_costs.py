@@ -22,7 +22,7 @@ from companion.kernels.native.struct import Struct
 from companion.kernels.printed.reachability import passing_place, passing_spread
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
-from companion.kernels.threat.near_aircraft import MARGIN_M, MARGIN_UP_M, cell_at
+from companion.kernels.threat.near_aircraft import MARGIN_M, MARGIN_UP_M, WRONG_SIDE_M, cell_at
 from companion.kernels.threat.pursuit_game import threatened_from
 from companion.kernels.workspace import FilterScratch, PathRows
 
@@ -121,7 +121,8 @@ def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, tim
     """Danger from an aircraft that flies on at ``time`` [s].
 
     It is 1 at the surface of its well clear volume, rises to :data:`AT_CENTRE` at its centre, and falls to 0
-    at a margin beyond it. The volume is larger by twice the standard deviation of where the aircraft will be.
+    at a margin beyond it, which is wider on its wrong side (:mod:`companion.world.right_of_way`). The volume
+    is larger by twice the standard deviation of where the aircraft will be.
     One that turns, or says where it flies next, may do so, or fly straight on from now; the worse counts.
     """
     last = pursuers.count[d] - 2
@@ -148,11 +149,14 @@ def danger_if(
     if above > MARGIN_UP_M:
         return 0.0
     radius = pursuers.model[d, 1] + passing_spread(pursuers, d, time)
-    outside = math.hypot(there[0] - x, there[1] - y) - radius
+    away = math.hypot(there[0] - x, there[1] - y)
+    outside = away - radius
     if above <= 0.0 and outside <= 0.0:
         centre = AT_KEPT_CENTRE if pursuers.model[d, 7] else AT_CENTRE
         return 1.0 + (centre - 1.0) * min(-above / height, -outside / radius)
-    return max(0.0, 1.0 - max(above / MARGIN_UP_M, outside / MARGIN_M))
+    wrong = (x - there[0]) * pursuers.model[d, 10] + (y - there[1]) * pursuers.model[d, 11]
+    margin = MARGIN_M + WRONG_SIDE_M * max(0.0, wrong) / max(away, 1.0)
+    return max(0.0, 1.0 - max(above / MARGIN_UP_M, outside / margin))
 
 
 @kernel

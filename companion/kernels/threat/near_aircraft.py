@@ -17,6 +17,7 @@ from companion.kernels.printed.reachability import SPREADS_S
 from companion.kernels.printed.threat_tree import FLIES_ON
 
 MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
+WRONG_SIDE_M = 500.0  # On the side on which it should not be passed, the margin is wider by this.
 SLACK_M = 1.0  # Boxes are this much wider than necessary.
 CELL_M = 250.0  # Width of a square.
 CELLS_MAX = 40  # There are at most so many squares each way; in larger worlds they are wider.

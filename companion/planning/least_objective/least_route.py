@@ -145,24 +145,37 @@ class LeastRouteSearch:
         """The cheapest path that is found, by J, or the branch that comes nearest to the last goal.
 
         Before pursuers each airspeed has a V and trees of its own. A path that they cannot bar goes before
-        one that they can. Where nothing pursues, only cruise is flown. Aircraft that pass are foreseen in V
-        if the path that is found without foresight comes near to any of them.
+        one that they can.
         """
         if math.isinf(self.bound_s):
             return self._to_goals_before()
         if not self._exploration.is_pursued:
-            cruise = self._airspeeds[0]
-            alone = self._search(cruise, self._field_alone(), MOST_DANGER)
-            if not len(self._exploration.game.vehicles) or self._is_clear_of_all(alone):
-                return alone
-            foreseen = self._search(cruise, self._field(cruise, MOST_DANGER), MOST_DANGER)
-            return min((foreseen, alone), key=lambda each: each.cost_s)
+            return self._past_others()
         found = self._at_best_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
             found = self._at_best_airspeed(MOST_DANGER)
             assert found is not None  # nothing is barred, so that the airspeed tried first has an answer
         self._exploration.start_afresh(found.objective.limits.v_cruise)
         return found
+
+    def _past_others(self) -> Searched:
+        """The cheapest path at cruise; faster where none at cruise keeps clear of aircraft that pass.
+
+        These are foreseen in V if the path that is found without foresight comes near to any of them.
+        """
+        cruise = self._airspeeds[0]
+        best = self._search(cruise, self._field_alone(), MOST_DANGER)
+        if not len(self._exploration.game.vehicles) or self._is_clear_of_all(best):
+            return best
+        for airspeed in self._exploration.airspeeds_m_s:
+            known = cruise if airspeed == cruise.airspeed_m_s else self._at(airspeed)
+            self.bound_s = min(self.bound_s, known.bound_s)
+            found = self._search(known, self._field(known, MOST_DANGER), MOST_DANGER)
+            best = min((found, best), key=lambda each: each.cost_s)
+            if self._is_clear_of_all(best):
+                break
+        self._exploration.start_afresh(best.objective.limits.v_cruise)
+        return best
 
     def _is_clear_of_all(self, found: Searched) -> bool:
         """Whether a path to the goal costs nothing on account of others: it is as good as without them."""
@@ -302,7 +315,8 @@ class LeastRouteSearch:
         """What had to be given up before pursuers, in words."""
         notes = []
         if known.airspeed_m_s > self._airspeeds[0].airspeed_m_s:
-            notes.append(f"flown at {known.airspeed_m_s:.0f} m/s, ahead of pursuers")
+            why = "ahead of pursuers" if self._exploration.is_pursued else "to keep well clear of aircraft"
+            notes.append(f"flown at {known.airspeed_m_s:.0f} m/s, {why}")
         if danger_max == MOST_DANGER and self._exploration.is_pursued:
             notes.append("no path that pursuers could not bar was found")
         return tuple(notes)

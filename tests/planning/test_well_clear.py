@@ -1,0 +1,85 @@
+"""Plans past aircraft that only pass: on which side, and how fast; beside plans without the rule."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.planning import explore
+from companion.planning.comparators import METHODS
+from companion.planning.solver import solve
+from tests.support.worlds import problem, track
+
+pytestmark = pytest.mark.compiled
+WIDE = (-1000.0, 6000.0, -3000.0, 3000.0, 0.0, 300.0)
+LEAVES_AT_M = 3000.0  # The two are to meet so far east of the start.
+CRUISE_M_S = 25.0
+
+
+def meeting(course_deg, speed, aside_m=0.0):
+    """An aircraft that would meet a straight flight to the east, or pass so far to its north."""
+    course, wait_s = math.radians(course_deg), 0.5 * LEAVES_AT_M / CRUISE_M_S
+    velocity = speed * np.array([math.sin(course), math.cos(course)])
+    place = np.array([0.5 * LEAVES_AT_M, aside_m]) - wait_s * velocity
+    seen = track(*place, velocity=tuple(velocity), airborne=True, up=150.0, radius=610.0, speed=speed)
+    return replace(seen, flies_on=True, covariance=np.diag([60.0, 1.0, 60.0, 1.0]))
+
+
+def planned(other, **changes):
+    asked = problem(
+        tracks=[other], start=(0.0, 0.0, 150.0), direction=0.0, goal=(LEAVES_AT_M, 0.0, 150.0), bounds=WIDE,
+        sensing_horizon_m=4000.0, **changes,
+    )  # fmt: skip
+    return solve(asked).path
+
+
+def passage(path, other):
+    """How near the path comes to the aircraft [m], and whether that stays on the left."""
+    away = other.places_enu_m(path.times_s)[:, :2] - path.positions_enu_m[:, :2]
+    flat = np.hypot(*away.T)
+    sight = np.unwrap(np.arctan2(away[:, 1], away[:, 0]))
+    return flat.min(), bool(sight[-1] > sight[0])
+
+
+@pytest.mark.parametrize(
+    ("course_deg", "aside_m", "stays_left"),
+    [
+        (270.0, 0.0, True), (270.0, 100.0, True), (270.0, -100.0, True), (315.0, 0.0, True), (0.0, 0.0, True),
+        (180.0, 0.0, False), (180.0, 100.0, False), (180.0, -100.0, False),
+    ],
+    ids=[
+        "head-on", "a little left", "a little right", "oblique", "from the right", "from the left", "early",
+        "late",
+    ],
+)  # fmt: skip
+def test_it_is_passed_on_the_side_that_the_rules_ask_for(course_deg, aside_m, stays_left):
+    other = meeting(course_deg, 50.0 if course_deg == 270.0 else 30.0, aside_m)
+    nearest, is_left = passage(planned(other), other)
+    assert nearest > 610.0
+    assert is_left is stays_left
+
+
+def test_without_the_rule_the_shorter_way_is_flown(monkeypatch):
+    """It comes a little to the right of the own path, so that the way on its left is the shorter one."""
+    other = meeting(270.0, 50.0, -100.0)
+    monkeypatch.setattr(explore, "with_wrong_sides", lambda pursuers, *_: pursuers)
+    assert passage(planned(other), other)[1] is False
+
+
+def test_far_on_the_wrong_side_the_rule_asks_for_no_detour():
+    """It passes 900 m to the right: nearer than the margin on its wrong side, farther than the other one."""
+    other = meeting(270.0, 50.0, -900.0)
+    path = planned(other)
+    assert np.abs(path.positions_enu_m[:, 1]).max() < 5.0
+
+
+def test_an_aircraft_that_is_hardly_slower_is_overtaken_above_cruise():
+    """At cruise it is in the way up to the goal, so that the path waits in circles."""
+    other = meeting(90.0, 12.5)
+    path = planned(other)
+    at_cruise = planned(other, strategies=METHODS["safe-rrt-cruise"])
+    assert min(passage(path, other)[0], passage(at_cruise, other)[0]) > 610.0
+    assert path.speeds_m_s.max() > CRUISE_M_S + 1.0
+    assert at_cruise.speeds_m_s.max() == pytest.approx(CRUISE_M_S)
+    assert path.times_s[-1] < 0.6 * at_cruise.times_s[-1]
