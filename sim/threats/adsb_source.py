@@ -1,8 +1,6 @@
-"""A surveillance source: noisy ADSB_VEHICLE reports of threats and of passing aircraft at 1 Hz."""
+"""A surveillance source: noisy reports of threats and of passing aircraft at 1 Hz."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -13,15 +11,11 @@ from ..projection import FastProjection
 from .passing_aircraft import PassingAircraft
 from .pursuer import Pursuer
 from .pursuers import Pursuers
+from .reports import Measured
 
 SOURCE_SYSTEM = 200
 SOURCE_COMPONENT = mavlink.MAV_COMP_ID_ADSB
-FIRST_ICAO_ADDRESS = 0xD70001
 _PERIOD_US = 1_000_000
-_POSITION_STD_M = 8.0
-_HEIGHT_STD_M = 3.0
-_VELOCITY_STD_M_S = 1.0
-_FLAGS = 63  # Coordinates, altitude, heading, velocity, callsign and squawk are valid.
 
 
 class TrackSource:
@@ -61,7 +55,7 @@ class TrackSource:
             mavlink.MAV_TYPE_ADSB, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
         )
         reports = [
-            self._report(FIRST_ICAO_ADDRESS + index, name, vehicle)
+            self._report(index, name, vehicle)
             for index, (name, vehicle) in enumerate(self._pursuers)
             if vehicle.loss == 0.0 or self._generator.random() >= vehicle.loss
         ]
@@ -70,28 +64,20 @@ class TrackSource:
         for report in reports:
             self._autopilot.relay_traffic(report, (SOURCE_SYSTEM, SOURCE_COMPONENT))
 
-    def _report(self, address: int, name: str, vehicle: Pursuer | PassingAircraft) -> Message:
-        noise = self._generator.standard_normal(5)
+    def _report(self, number: int, name: str, vehicle: Pursuer | PassingAircraft) -> Message:
+        noise, source = self._generator.standard_normal(5), vehicle.source
         latitude, longitude = self._projection.degrees(
-            vehicle.position[0] + _POSITION_STD_M * float(noise[0]),
-            vehicle.position[1] + _POSITION_STD_M * float(noise[1]),
+            vehicle.position[0] + source.position_std_m * float(noise[0]),
+            vehicle.position[1] + source.position_std_m * float(noise[1]),
         )
         east, north = vehicle.velocity_m_s
-        east += _VELOCITY_STD_M_S * float(noise[2])
-        north += _VELOCITY_STD_M_S * float(noise[3])
-        altitude = self._projection.frame.altitude_amsl_m + vehicle.up_m + _HEIGHT_STD_M * float(noise[4])
-        return mavlink.MAVLink_adsb_vehicle_message(
-            address,
-            round(latitude * 1e7),
-            round(longitude * 1e7),
-            mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC,
-            round(altitude * 1000),
-            round(math.degrees(math.atan2(east, north)) * 100) % 36000,
-            min(round(math.hypot(east, north) * 100), 65535),
-            round(vehicle.climb_m_s * 100),
-            name.upper().encode("ascii", "replace")[:8],
-            vehicle.emitter,
-            0,
-            _FLAGS,
-            0,
+        east += source.velocity_std_m_s * float(noise[2])
+        north += source.velocity_std_m_s * float(noise[3])
+        altitude = (
+            self._projection.frame.altitude_amsl_m + vehicle.up_m + source.height_std_m * float(noise[4])
+        )
+        return source.message(
+            Measured(
+                number, name, vehicle.emitter, latitude, longitude, altitude, (east, north, vehicle.climb_m_s)
+            )
         )

@@ -1,31 +1,34 @@
-"""An aircraft that flies a given track, and its ADS-B reports."""
+"""An aircraft that flies a given track, and how it is reported."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import FloatArray
 from .pursuer import TargetEstimate
+from .reports import ADSB, ReportSource
+
+PROMPT = replace(ADSB, delay_s=0.0, loss=0.0)
 
 
 class PassingAircraft:
-    """Flies a track, whoever is near. It is where it was ``delay_s`` ago, as reports that are late say.
+    """Flies a track, whoever is near. Its place is that which its reports say: where it was when they began.
 
     Parameters
     ----------
     track : ndarray, shape (N, 7)
         Time [s], east, north, up [m], and the velocity in these [m/s]; at its ends it stands.
-    delay_s : float
-        How late its reports are [s].
-    loss : float
-        Share of its reports that are lost.
+    source : ReportSource, optional
+        How it is reported; without it nothing is late and nothing lost.
     """
 
     emitter = mavlink.ADSB_EMITTER_TYPE_LIGHT
 
-    def __init__(self, track: FloatArray, *, delay_s: float = 0.0, loss: float = 0.0) -> None:
-        self._track, self._delay_s, self.loss = track, delay_s, loss
+    def __init__(self, track: FloatArray, source: ReportSource = PROMPT) -> None:
+        self._track, self.source, self.loss = track, source, source.loss
         self._now_s = 0.0
 
     def step(self, now_us: int, duration_s: float, target: TargetEstimate) -> None:
@@ -54,4 +57,4 @@ class PassingAircraft:
         return self._at(6)
 
     def _at(self, column: int) -> float:
-        return float(np.interp(self._now_s - self._delay_s, self._track[:, 0], self._track[:, column]))
+        return float(np.interp(self._now_s - self.source.delay_s, self._track[:, 0], self._track[:, column]))

@@ -9,6 +9,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import FloatArray, wrapped_angle
+from .reports import ADSB
 from .roads import Roads, polyline_points
 
 CLEARANCE_M = 12.0
@@ -57,8 +58,8 @@ class Pursuer:
         Smallest turn radius [m].
     """
 
-    emitter = mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE
-    up_m = climb_m_s = loss = 0.0
+    emitter, source = mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE, ADSB
+    up_m = climb_m_s = loss = 0.0  # A pursuer's reports are neither late nor lost.
 
     def __init__(
         self, roads: Roads, position: tuple[float, float], speed_m_s: float, turn_radius_m: float

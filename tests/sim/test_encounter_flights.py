@@ -1,5 +1,7 @@
 """Aircraft that pass in the simulator: what is reported of them, and what an encounter's row says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -9,9 +11,11 @@ from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.encounters.daa_scenario import scenario_from_text
 from companion.research.encounters.encounter_model import model_from_text
 from companion.types.events import Dialect
-from sim.bench.encounter_flights import EncounterRunner, encounter_measures, flown_encounter
+from sim.bench.encounter_flights import EncounterRunner, flown_encounter
+from sim.bench.encounter_measures import encounter_measures
 from sim.simulator import Simulator
 from sim.threats.passing_aircraft import PassingAircraft
+from sim.threats.reports import ADSB, SOURCES
 from tests.research.encounters.made_model import text
 from tests.sim.client import CONFIGS
 
@@ -36,7 +40,7 @@ def reports(aircraft, duration_s):
 
 
 def test_a_report_a_second_tells_where_it_was_a_while_ago():
-    frame, found = reports(PassingAircraft(TRACK, delay_s=2.0), 20.0)
+    frame, found = reports(PassingAircraft(TRACK, replace(ADSB, delay_s=2.0, loss=0.0)), 20.0)
     assert len(found) == pytest.approx(20, abs=1)
     late = [(now_s, message) for now_s, message in found if now_s > 3.0]
     errors = []
@@ -55,9 +59,9 @@ def test_a_report_a_second_tells_where_it_was_a_while_ago():
 
 
 def test_the_stated_share_of_reports_is_lost():
-    _, found = reports(PassingAircraft(TRACK, loss=0.5), 60.0)
+    _, found = reports(PassingAircraft(TRACK, replace(ADSB, loss=0.5)), 60.0)
     assert 18 <= len(found) <= 42  # 30 expected of 60; three standard deviations.
-    assert reports(PassingAircraft(TRACK, loss=1.0), 5.0)[1] == []
+    assert reports(PassingAircraft(TRACK, replace(ADSB, loss=1.0)), 5.0)[1] == []
 
 
 def test_measures_of_a_straight_passage_by_hand():
@@ -107,6 +111,17 @@ def test_a_campaigns_encounter_is_flown_alone_and_with_the_aircraft():
     assert (outcome.measures["without.lowc"], outcome.measures["lowc"]) == (True, False)
     assert outcome.measures["without.miss_m"] == pytest.approx(outcome.measures["drawn_miss_m"], abs=6.0)
     assert set(outcome.paths) == {"true_path", "passing"}
+
+
+@pytest.mark.parametrize("name", ["remote_id", "utm"])
+def test_well_clear_is_kept_however_the_aircraft_is_reported(name):
+    """The encounter of the campaign, whose flight alone loses well clear."""
+    mission = load_mission(CONFIGS.parent / "campaigns" / "encounters" / "passing.yaml")
+    model = model_from_text(text(), "made")
+    row = flown_encounter(
+        mission, model, 1, spread=1.0, dialect=Dialect.ARDUPILOT, source=SOURCES[name]
+    ).measures
+    assert (row["without.lowc"], row["lowc"], row["success"]) == (True, False, True)
 
 
 def test_a_scenario_is_flown_clear_before_there_is_anything_to_tell():

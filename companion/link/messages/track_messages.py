@@ -51,12 +51,15 @@ _RID_UNKNOWN_COURSE_CDEG = 36_100
 _RID_UNKNOWN_CLIMB_CM_S = 6_300
 # MAV_ODID_HOR_ACC bounds 95 % of the errors. Of a circular normal distribution, 95 % lies within 2.45 σ.
 _RID_BOUNDS_M = (None, 18_520, 7_408, 3_704, 1_852, 926, 555.6, 185.2, 92.6, 30, 10, 3, 1)
+# MAV_ODID_VER_ACC and MAV_ODID_SPEED_ACC likewise; of one normal component, 95 % lies within 1.96 σ.
+_RID_HEIGHT_BOUNDS_M = (None, 150, 45, 25, 10, 3, 1)
+_RID_SPEED_BOUNDS_M_S = (None, 10, 3, 1, 0.3)
 _RID_UNKNOWN_ALTITUDE_M = -1_000.0
 _ADSB_DATUMS = {
     AdsbAltitudeType.PRESSURE_QNH: Datum.PRESSURE,
     AdsbAltitudeType.GEOMETRIC: Datum.ELLIPSOID,
 }
-_SIGMAS_95 = 2.4477
+_SIGMAS_95, _SIGMAS_95_UP = 2.4477, 1.96
 
 
 class ReportParts(NamedTuple):
@@ -87,6 +90,12 @@ def _remote_id_height(message: Message) -> Height:
         if not value_m <= _RID_UNKNOWN_ALTITUDE_M:
             return Height(altitude(value_m, "track_altitude"), datum)
     raise RefusedError("track_altitude")
+
+
+def _deviation(bounds: tuple[float | None, ...], accuracy: int, sigmas: float) -> float | None:
+    """Return the standard deviation of a class of accuracy of Remote ID; None if that says nothing."""
+    bound = bounds[accuracy] if accuracy < len(bounds) else None
+    return None if bound is None else bound / sigmas
 
 
 def _along_course(course_cdeg: float, speed_m_s: float, climb_m_s: float) -> tuple[float, float, float]:
@@ -273,8 +282,7 @@ class Tracks:
             climb = message.speed_vertical
             climb_m_s = 0.0 if climb >= _RID_UNKNOWN_CLIMB_CM_S else climb * 1e-2
             velocity_enu_m_s = _along_course(message.direction, message.speed_horizontal * 1e-2, climb_m_s)
-        accuracy = message.horizontal_accuracy
-        bound = _RID_BOUNDS_M[accuracy] if accuracy < len(_RID_BOUNDS_M) else None
+        heights = message.vertical_accuracy if message.altitude_geodetic > _RID_UNKNOWN_ALTITUDE_M else 0
         return ReportParts(
             f"rid:{identity}",
             Emitter.AIR,
@@ -282,7 +290,9 @@ class Tracks:
             place(message.latitude, message.longitude, "track_position"),
             _remote_id_height(message),
             velocity_enu_m_s,
-            None if bound is None else bound / _SIGMAS_95,
+            _deviation(_RID_BOUNDS_M, message.horizontal_accuracy, _SIGMAS_95),
+            _deviation(_RID_HEIGHT_BOUNDS_M, heights, _SIGMAS_95_UP),
+            _deviation(_RID_SPEED_BOUNDS_M_S, message.speed_accuracy, _SIGMAS_95),
         )
 
     def _position(self, message: Message, frame: RawFrame) -> ReportParts:
@@ -315,7 +325,7 @@ class Tracks:
             velocity_enu_m_s,
             message.h_acc * 1e-3 or None,
             message.v_acc * 1e-3 or None,
-            message.vel_acc * 1e-3 or None,
+            message.vel_acc * 1e-2 or None,
             *_next_of(message),
         )
 

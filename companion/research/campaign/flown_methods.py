@@ -47,6 +47,8 @@ class EncounterConfig(Section):
     Environment variables, such as ``$MODELS``, are replaced by their values."""
     spread: Annotated[float, Field(ge=0.1, le=10.0)] = 1.5
     """Largest miss distances of the flight alone, over those of the well clear volume of ASTM F3442."""
+    source: Literal["adsb", "remote_id", "utm"] = "adsb"
+    """How the aircraft are reported."""
 
 
 PARTS: Mapping[str, tuple[type[Section], str]] = MappingProxyType(

@@ -168,7 +168,7 @@ def test_utm():
 
 def test_utm_says_where_it_flies_next_and_how_sure_it_is():
     there = (LAT + 50_000, LON - 20_000, 700_000)
-    (report,) = reports(started(), utm(next=there, v_acc=4_000, vel_acc=700))
+    (report,) = reports(started(), utm(next=there, v_acc=4_000, vel_acc=70))
     assert report.next_point[:2] == pytest.approx((LAT * 1e-7 + 5e-3, LON * 1e-7 - 2e-3))
     assert report.next_point[2] - report.altitude_amsl_m == pytest.approx(50.0)  # both over the ellipsoid
     assert (report.altitude_std_m, report.velocity_std_m_s) == pytest.approx((4.0, 0.7))
@@ -267,6 +267,8 @@ def remote_id(*, identity=b"\x01\x02\x03", **changes):
         "geodetic": 650.0,
         "accuracy": 10,
         "baro": -1_000.0,
+        "up_accuracy": 0,
+        "speed_accuracy": 0,
     } | changes
     return packed(
         mavlink.MAVLink_open_drone_id_location_message(
@@ -284,9 +286,9 @@ def remote_id(*, identity=b"\x01\x02\x03", **changes):
             0,
             0.0,
             fields["accuracy"],
+            fields["up_accuracy"],
             0,
-            0,
-            0,
+            fields["speed_accuracy"],
             0.0,
             0,
         ),
@@ -313,6 +315,20 @@ def test_each_accuracy_of_remote_id_is_a_distance_within_which_95_of_100_errors_
         (report,) = reports(started(), remote_id(accuracy=accuracy))
         assert report.position_std_m == pytest.approx(bound_m / 2.4477)
     assert reports(started(), remote_id(accuracy=0))[0].position_std_m is None
+
+
+def test_accuracies_of_height_and_speed_of_remote_id_likewise():
+    """By MAV_ODID_VER_ACC and MAV_ODID_SPEED_ACC; the class of height is that of the geodetic altitude."""
+    for accuracy, bound_m in enumerate((150.0, 45.0, 25.0, 10.0, 3.0, 1.0), 1):
+        (report,) = reports(started(), remote_id(up_accuracy=accuracy))
+        assert report.altitude_std_m == pytest.approx(bound_m / 1.96)
+    for accuracy, bound_m_s in enumerate((10.0, 3.0, 1.0, 0.3), 1):
+        (report,) = reports(started(), remote_id(speed_accuracy=accuracy))
+        assert report.velocity_std_m_s == pytest.approx(bound_m_s / 2.4477)
+    (report,) = reports(started(), remote_id(up_accuracy=200, speed_accuracy=200))
+    assert (report.altitude_std_m, report.velocity_std_m_s) == (None, None)
+    (barometric,) = reports(started(), remote_id(geodetic=-1_000.0, baro=650.0, up_accuracy=4))
+    assert barometric.altitude_std_m is None
 
 
 def test_the_memory_for_echoes_stays_small():
