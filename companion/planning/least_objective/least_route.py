@@ -159,9 +159,10 @@ class LeastRouteSearch:
         return found
 
     def _past_others(self) -> Searched:
-        """The cheapest path at cruise; faster where none at cruise keeps clear of aircraft that pass.
+        """The cheapest path past aircraft that fly on, at cruise or faster.
 
-        These are foreseen in V if the path that is found without foresight comes near to any of them.
+        They are foreseen in V if the path that is found without foresight comes near to any of them. Then a
+        higher airspeed is tried, too, where V without them, at that airspeed, is below the cost of a path.
         """
         cruise = self._airspeeds[0]
         best = self._search(cruise, self._field_alone(), MOST_DANGER)
@@ -170,10 +171,9 @@ class LeastRouteSearch:
         for airspeed in self._exploration.airspeeds_m_s:
             known = cruise if airspeed == cruise.airspeed_m_s else self._at(airspeed)
             self.bound_s = min(self.bound_s, known.bound_s)
-            found = self._search(known, self._field(known, MOST_DANGER), MOST_DANGER)
-            best = min((found, best), key=lambda each: each.cost_s)
-            if self._is_clear_of_all(best):
-                break
+            if known.bound_s < best.cost_s:
+                found = self._search(known, self._field(known, MOST_DANGER), MOST_DANGER)
+                best = min((found, best), key=lambda each: each.cost_s)
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
 
