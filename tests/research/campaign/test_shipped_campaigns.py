@@ -11,7 +11,7 @@ from tests.sim.client import CONFIGS
 
 CAMPAIGNS = sorted((CONFIGS.parent / "campaigns").glob("*.yaml"))
 NUM_RUNS = {
-    "ablations": 3000, "anytime": 100, "encounters": 200, "faults": 120, "flights": 640, "ideas": 300,
+    "ablations": 3000, "anytime": 100, "encounters": 400, "faults": 120, "flights": 640, "ideas": 300,
     "paper": 6000, "prices": 120, "small": 72, "wind": 180,
 }  # fmt: skip
 METHOD = "edbm"
