@@ -1,0 +1,82 @@
+"""Recorded reports of other aircraft, as ADSB_VEHICLE on the links of the simulated autopilot."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from ..autopilot.base import Autopilot
+from ..autopilot.channel import Message
+from .adsb_source import SOURCE_COMPONENT, SOURCE_SYSTEM
+from .recorded_tracks import RecordedReport
+
+_BEAT_US = 1_000_000
+_AGE_MAX_S, _SPEED_MAX_CM_S, _CLIMB_MAX_CM_S = 255, 65_535, 32_767  # What the message has room for.
+
+
+def adsb_message(report: RecordedReport) -> Message:
+    """Return the ADSB_VEHICLE that a receiver sends of a report.
+
+    A flag is set only for a value that the report has. The altitude is the pressure altitude, or, without
+    one, the geometric one. Values for which the message has no room are the largest that it can say.
+    """
+    altitude_m, altitude_type = report.pressure_altitude_m, mavlink.ADSB_ALTITUDE_TYPE_PRESSURE_QNH
+    if altitude_m is None:
+        altitude_m, altitude_type = report.geometric_altitude_m, mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    has_place = report.latitude_deg is not None and report.longitude_deg is not None
+    flags = mavlink.ADSB_FLAGS_VALID_COORDS if has_place else 0
+    for value, flag in (
+        (altitude_m, mavlink.ADSB_FLAGS_VALID_ALTITUDE),
+        (report.course_deg, mavlink.ADSB_FLAGS_VALID_HEADING),
+        (report.ground_speed_m_s, mavlink.ADSB_FLAGS_VALID_VELOCITY),
+        (report.climb_m_s, mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID),
+    ):
+        flags |= flag if value is not None else 0
+    climb_cm_s = round((report.climb_m_s or 0.0) * 100.0)
+    return mavlink.MAVLink_adsb_vehicle_message(
+        report.address,
+        round((report.latitude_deg or 0.0) * 1e7) if has_place else 0,
+        round((report.longitude_deg or 0.0) * 1e7) if has_place else 0,
+        altitude_type,
+        round((altitude_m or 0.0) * 1000.0),
+        round((report.course_deg or 0.0) * 100.0) % 36_000,
+        min(max(round((report.ground_speed_m_s or 0.0) * 100.0), 0), _SPEED_MAX_CM_S),
+        min(max(climb_cm_s, -_CLIMB_MAX_CM_S), _CLIMB_MAX_CM_S),
+        b"",
+        mavlink.ADSB_EMITTER_TYPE_NO_INFO,
+        min(round(report.age_s), _AGE_MAX_S),
+        flags,
+        0,
+    )
+
+
+class ReplayedReports:
+    """A receiver that hears again what was recorded.
+
+    Parameters
+    ----------
+    autopilot : Autopilot
+        Autopilot on whose links the reports appear.
+    reports : iterable of (float, RecordedReport)
+        Simulated times at which they are received [s], in any order, and the reports.
+    """
+
+    def __init__(self, autopilot: Autopilot, reports: Iterable[tuple[float, RecordedReport]]) -> None:
+        self._autopilot = autopilot
+        self._waiting = deque(sorted(reports, key=lambda entry: entry[0]))
+        self._next_beat_us = 0
+
+    def update(self, now_us: int) -> None:
+        """Send what was received until ``now_us`` of simulated time, and a heartbeat each second."""
+        if now_us >= self._next_beat_us:
+            self._next_beat_us += _BEAT_US
+            beat = mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_ADSB, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+            )
+            for channel in self._autopilot.channels:
+                channel.send_as(beat, SOURCE_SYSTEM, SOURCE_COMPONENT)
+        while self._waiting and self._waiting[0][0] * 1e6 <= now_us:
+            _, report = self._waiting.popleft()
+            self._autopilot.relay_traffic(adsb_message(report), (SOURCE_SYSTEM, SOURCE_COMPONENT))
