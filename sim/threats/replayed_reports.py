@@ -13,7 +13,9 @@ from .adsb_source import SOURCE_COMPONENT, SOURCE_SYSTEM
 from .recorded_tracks import RecordedReport
 
 _BEAT_US = 1_000_000
-_AGE_MAX_S, _SPEED_MAX_CM_S, _CLIMB_MAX_CM_S = 255, 65_535, 32_767  # What the message has room for.
+# What the message has room for.
+_AGE_MAX_S, _SPEED_MAX_CM_S, _CLIMB_MAX_CM_S = 255, 65_535, 32_767
+_DEGREES_MAX = _ALTITUDE_MAX_MM = 2**31 - 1
 
 
 def adsb_message(report: RecordedReport) -> Message:
@@ -34,22 +36,26 @@ def adsb_message(report: RecordedReport) -> Message:
         (report.climb_m_s, mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID),
     ):
         flags |= flag if value is not None else 0
-    climb_cm_s = round((report.climb_m_s or 0.0) * 100.0)
     return mavlink.MAVLink_adsb_vehicle_message(
         report.address,
-        round((report.latitude_deg or 0.0) * 1e7) if has_place else 0,
-        round((report.longitude_deg or 0.0) * 1e7) if has_place else 0,
+        _whole(report.latitude_deg if has_place else None, 1e7, _DEGREES_MAX),
+        _whole(report.longitude_deg if has_place else None, 1e7, _DEGREES_MAX),
         altitude_type,
-        round((altitude_m or 0.0) * 1000.0),
-        round((report.course_deg or 0.0) * 100.0) % 36_000,
-        min(max(round((report.ground_speed_m_s or 0.0) * 100.0), 0), _SPEED_MAX_CM_S),
-        min(max(climb_cm_s, -_CLIMB_MAX_CM_S), _CLIMB_MAX_CM_S),
+        _whole(altitude_m, 1e3, _ALTITUDE_MAX_MM),
+        _whole(report.course_deg, 100.0, _DEGREES_MAX) % 36_000,
+        max(_whole(report.ground_speed_m_s, 100.0, _SPEED_MAX_CM_S), 0),
+        _whole(report.climb_m_s, 100.0, _CLIMB_MAX_CM_S),
         b"",
         mavlink.ADSB_EMITTER_TYPE_NO_INFO,
-        min(round(report.age_s), _AGE_MAX_S),
+        _whole(report.age_s, 1.0, _AGE_MAX_S),
         flags,
         0,
     )
+
+
+def _whole(value: float | None, factor: float, limit: int) -> int:
+    """Return a value in the message's unit, at most ``limit`` to either side of 0; 0 for a missing one."""
+    return min(max(round((value or 0.0) * factor), -limit), limit)
 
 
 class ReplayedReports:

@@ -32,13 +32,16 @@ COLUMNS = (
 )
 
 
-def chosen_flights(path, limit):
-    """At most ``limit`` pieces of a recording, spread over it, each with how it is placed; then its leaps."""
+def chosen_flights(path, limit, first=0):
+    """At most ``limit`` pieces of a recording, spread over it, each with how it is placed; then its leaps.
+
+    The ways of placing them follow each other, beginning with number ``first``.
+    """
     tracks = recorded_from_text(path.read_text(encoding="utf-8"), path.name)
     pieces = pieces_of(path.stem, tracks, LENGTH_S)
     others = [*pieces, *pieces_of(path.stem, tracks, LENGTH_S, 0.5 * LENGTH_S)]
     leaping = [piece for piece in others if len(leap_fixes(piece))]
-    found = [(piece, TURNS[turn % len(TURNS)]) for turn, piece in enumerate(spread(pieces, limit))]
+    found = [(piece, TURNS[turn % len(TURNS)]) for turn, piece in enumerate(spread(pieces, limit), first)]
     return found + [(piece, "leap") for piece in spread(leaping, limit)]
 
 
@@ -92,9 +95,10 @@ def main():
     say("recording | " + " | ".join(COLUMNS))
     with ProcessPoolExecutor(chosen.jobs) as pool:
         fly = map if chosen.jobs == 1 else functools.partial(pool.map, chunksize=4)
-        for path in chosen.files:
+        for place, path in enumerate(chosen.files):
             entries = [
-                (chosen.first + number, *entry) for number, entry in enumerate(chosen_flights(path, chosen.n))
+                (chosen.first + number, *entry)
+                for number, entry in enumerate(chosen_flights(path, chosen.n, place))
             ]
             counts = Counter()
             for told in filter(None, fly(flight, entries)):
