@@ -18,7 +18,7 @@ from companion.frames import FloatArray
 MOVES_M_S = 5.0  # What reports at least this speed cannot be at exactly the same place again.
 AGE_STEP_S = 1.0  # ADSB_VEHICLE gives the age of a position in whole seconds.
 SPEED_SPARE = 1.2  # A vehicle may have flown faster between two reports than in either.
-STRAIGHT_S, ASIDE_COSINE = 5.0, 0.5  # In so few seconds no aircraft turns by 60°, and moves fast.
+STRAIGHT_S, ASIDE_COSINE = 6.0, 0.5  # In so few seconds hardly an aircraft turns by 60° and moves far.
 # Altitudes of airliners change by up to 30 m/s and those of light aircraft by 15. A report that is refused
 # wrongly is confirmed by the next two.
 CLIMB_MAX_M_S = 60.0
@@ -82,7 +82,7 @@ class Detection:
     def is_flown_from(self, earlier: Detection, noise_m: float) -> bool:
         """Return whether the vehicle can have come from an earlier detection at the speeds that it reported.
 
-        It may have turned in between. Without a reported speed this is not known, and False.
+        It may have turned in between. If neither reports a speed, this is not known, and False.
 
         Parameters
         ----------
@@ -91,10 +91,11 @@ class Detection:
         noise_m : float
             Largest error of the distance between the two [m].
         """
-        if self.speed_m_s is None or earlier.speed_m_s is None or self.stamp_s <= earlier.stamp_s:
+        speeds_m_s = [speed for speed in (self.speed_m_s, earlier.speed_m_s) if speed is not None]
+        elapsed_s = self.stamp_s - earlier.stamp_s
+        if not speeds_m_s or elapsed_s <= 0.0:
             return False
-        way_m = SPEED_SPARE * max(self.speed_m_s, earlier.speed_m_s) * (self.stamp_s - earlier.stamp_s)
-        return self.distance_m(earlier) <= way_m + noise_m
+        return self.distance_m(earlier) <= SPEED_SPARE * max(speeds_m_s) * elapsed_s + noise_m
 
     def without_wrong_velocity(self, earlier: Detection, noise_m: float) -> Detection:
         """Return it without its velocity if the vehicle has moved in another way since an earlier detection.

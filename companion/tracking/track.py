@@ -193,6 +193,7 @@ class Track:
         """
         if self._is_copy(detection):
             return "duplicate"
+        told = detection
         if self.vehicle_class.flies_on:
             before = self._gated[-1] if self._gated else self._latest
             detection = detection.without_wrong_velocity(before, self._noise_m(before, detection))
@@ -206,7 +207,7 @@ class Track:
         if not self._is_within_reach(self._latest, detection):
             return self._gate_out(detection)
         if is_outside:
-            return self._manoeuvred(detection) or self._gate_out(detection)
+            return self._manoeuvred(detection, told) or self._gate_out(detection)
         result = self._filter.observe(
             detection.stamp_s, detection.horizontal_m, detection.position_std_m, detection.velocity_m_s,
             detection.velocity_std_m_s,
@@ -306,17 +307,18 @@ class Track:
         self._start(detection, max(self.vehicle_class.speed_m_s, went / took))
         return "restarted"
 
-    def _manoeuvred(self, detection: Detection) -> str | None:
+    def _manoeuvred(self, detection: Detection, told: Detection) -> str | None:
         """Start again from a detection that the filter did not expect, if the aircraft can have flown there.
 
         The filter expects nearly constant velocity, and an aircraft that is seen every 15 s may have turned
-        right round.
+        right round. How far it can have flown follows from the speed that it ``told``, even if its velocity
+        is not believed.
         """
         if not self.vehicle_class.flies_on:
             return None
-        if not detection.is_flown_from(self._latest, self._noise_m(self._latest, detection)):
+        if not told.is_flown_from(self._latest, self._noise_m(self._latest, detection)):
             return None
-        self._start(detection, self.vehicle_class.speed_m_s)
+        self._start(detection.with_velocity_since(self._latest), self.vehicle_class.speed_m_s)
         return "restarted"
 
     def _noise_m(self, earlier: Detection, later: Detection) -> float:

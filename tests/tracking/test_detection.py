@@ -89,7 +89,9 @@ def test_a_place_of_before_without_an_age_does_not_stop_what_flies():
     assert target.counters["duplicate"] == 10
 
 
-@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.0, 50.0, 0.0), (-100.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    "velocity", [(0.0, 0.0, 0.0), (0.0, 50.0, 0.0), (-150.0, 0.0, 0.0), (0.0, 160.0, 0.0)]
+)
 def test_an_aircraft_whose_velocity_is_wrong_is_followed_by_its_positions(velocity):
     target = tracker()
     for stamp in range(0, 60, 5):
@@ -154,3 +156,16 @@ def test_a_track_that_starts_again_without_a_velocity_has_that_of_its_positions(
     assert target.counters["restarted"] == 1
     (track,) = target.tracks(12.0)
     assert track.velocity_enu_m_s[:2] == pytest.approx((0.0, 200.0), abs=5.0)
+
+
+def test_a_turn_is_followed_at_once_even_if_the_reported_course_is_wrong():
+    # Recordings that were resampled have courses between 359° and 1°, which are 180°.
+    target = tracker()
+    for stamp in range(0, 25, 5):
+        hear(target, float(stamp), 0.0, 80.0 * stamp, velocity=(80.0, 0.0, 0.0))
+    refused = target.counters["teleporting"]
+    hear(target, 25.0, -300.0, 1_800.0, velocity=(80.0, 0.0, 0.0))
+    assert target.counters["teleporting"] == refused
+    (track,) = target.tracks(25.0)
+    assert track.position_enu_m[:2] == pytest.approx((-300.0, 1_800.0), abs=10.0)
+    assert track.velocity_enu_m_s[:2] == pytest.approx((-60.0, 40.0), abs=5.0)
