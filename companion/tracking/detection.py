@@ -128,28 +128,30 @@ class Detection:
 
 
 class ClimbEstimate:
-    """The rate of climb of one aircraft: as it reports it, unless its altitudes contradict."""
+    """The rate of climb of one aircraft: as it reports it, unless its altitudes contradict.
+
+    Attributes
+    ----------
+    rate_m_s : float
+        The rate of climb [m/s]; 0 if nothing is known of it.
+    """
 
     def __init__(self) -> None:
         self._heights: deque[tuple[float, float]] = deque(maxlen=16)  # Times [s] and heights [m].
-        self._reported_m_s: float | None = None
+        self.rate_m_s = 0.0
 
     def observe(self, stamp_s: float, up_m: float, reported_m_s: float | None) -> None:
         """Take an altitude [m] and the reported rate of climb [m/s], None if there is none."""
-        self._reported_m_s = reported_m_s
         self._heights.append((stamp_s, up_m))
         while stamp_s - self._heights[0][0] > CLIMB_WINDOW_S:
             self._heights.popleft()
-
-    @property
-    def rate_m_s(self) -> float:
-        """The rate of climb [m/s]; 0 if nothing is known of it."""
-        measured, reported = self._measured_m_s(), self._reported_m_s
-        if reported is None or abs(reported) > CLIMB_MAX_M_S:
-            return measured or 0.0
-        if measured is not None and abs(reported - measured) > CLIMB_CONTRADICTS_M_S:
-            return measured
-        return reported
+        measured = self._measured_m_s()
+        if reported_m_s is None or abs(reported_m_s) > CLIMB_MAX_M_S:
+            self.rate_m_s = measured or 0.0
+        elif measured is not None and abs(reported_m_s - measured) > CLIMB_CONTRADICTS_M_S:
+            self.rate_m_s = measured
+        else:
+            self.rate_m_s = reported_m_s
 
     def _measured_m_s(self) -> float | None:
         """Return the median slope between altitudes of different times (Theil and Sen); None if too few."""

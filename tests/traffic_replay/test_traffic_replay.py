@@ -13,6 +13,8 @@ from tests.traffic_replay.oracle import CLIMB, EAST, NORTH, TIME, UP, chains_of,
 from tests.traffic_replay.pieces import HOW, leap_fixes, pieces_of, placed
 from tests.traffic_replay.replay_flights import LENGTH_S, Outcome, flown, judge, mission, path_alone
 
+pytestmark = pytest.mark.xdist_group("traffic replay")  # The flights alone are flown once.
+
 HEADER = "timestamp,icao24,latitude,longitude,altitude,groundspeed,track,vertical_rate"
 ALTITUDE_FT, SPEED_KT, COURSE_DEG = 3_000.0, 110.0, 200.0
 LEAP_S = 60  # The recording with a leap has it in this second.
