@@ -17,7 +17,7 @@ from companion.frames import FloatArray
 
 MOVES_M_S = 5.0  # What reports at least this speed cannot be at exactly the same place again.
 AGE_STEP_S = 1.0  # ADSB_VEHICLE gives the age of a position in whole seconds.
-SPEED_SPARE = 1.2  # A vehicle may have flown faster between two reports than in either.
+SPEED_SPARE = 1.5  # A vehicle may have flown faster between two reports than in either; 1.4 was recorded.
 STRAIGHT_S, ASIDE_COSINE = 6.0, 0.5  # In so few seconds hardly an aircraft turns by 60° and moves far.
 # Altitudes of airliners change by up to 30 m/s and those of light aircraft by 15. A report that is refused
 # wrongly is confirmed by the next two.
