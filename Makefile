@@ -113,6 +113,11 @@ campaigns: $(STAMP) ## fly over a lossy link, with the service killed, with a pi
 glide: $(STAMP) ## stop the engine anywhere in N flights over random fields, on both autopilots; FLAGS=--ground: over maps; prints where they end
 	$(BIN)/python -m tests.glide -n $(N) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
+# RECORDINGS: tables of ADS-B as traffic's Flight.to_csv or the OpenSky Network write them; not part of this project.
+.PHONY: traffic-replay
+traffic-replay: $(STAMP) ## replay the real aircraft of RECORDINGS='a.csv b.csv' about flights; prints what was told, missed and told wrongly
+	$(BIN)/python -m tests.traffic_replay $(RECORDINGS) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+
 mutants: warm ## change the program at 360 random places drawn by SEED: do the tests notice 9 of 10? FLAGS=--again for survivors
 	$(BIN)/python -m tests.mutants --seed $(SEED) $(FLAGS)
 

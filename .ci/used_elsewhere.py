@@ -28,6 +28,7 @@ _.debug_lvl  # jsbsim
 
 # Of the simulator, for tests.
 _.displace, _.energy_used_wh
+recorded_from_text, ReplayedReports
 
 # Written to recordings as a whole data class, and read from there by their keys.
 _.ended_s, _.waypoints_enu_m

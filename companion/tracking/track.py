@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from companion.frames import FloatArray
+from companion.tracking.detection import ClimbEstimate, Detection
 from companion.tracking.particle_filter import FilterSettings, ParticleFilter, UpdateResult
 from companion.tracking.threat_assigner import VehicleClass
 from companion.tracking.turn_estimate import TurnEstimate
@@ -22,30 +23,6 @@ MEMORY = 16  # Number of detections with which new ones are compared to find cop
 def chi_square_quantile(probability: float) -> float:
     """Return the quantile of chi-square with two degrees of freedom, ``-2·ln(1 - p)``."""
     return -2.0 * math.log1p(-probability)
-
-
-@dataclass(frozen=True, slots=True)
-class Detection:
-    """A report in the local frame."""
-
-    stamp_s: float
-    position_enu_m: tuple[float, float, float]
-    position_std_m: float
-    velocity_enu_m_s: tuple[float, float, float] | None
-    is_airborne: bool
-    height_std_m: float | None = None
-    velocity_std_m_s: float | None = None
-    next_enu_m: tuple[float, float, float] | None = None
-
-    @property
-    def horizontal_m(self) -> FloatArray:
-        """East and north, shape (2,) [m]."""
-        return np.array(self.position_enu_m[:2])
-
-    @property
-    def velocity_m_s(self) -> FloatArray | None:
-        """East and north of the reported velocity, shape (2,) [m/s]; None if it was not reported."""
-        return None if self.velocity_enu_m_s is None else np.array(self.velocity_enu_m_s[:2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +157,7 @@ class Track:
         self._filter_settings = replace(
             settings.filter, acceleration_std_m_s2=settings.acceleration_std(vehicle_class)
         )
-        self._turn = TurnEstimate()
+        self._turn, self._climb = TurnEstimate(), ClimbEstimate()
         self._moving_run = 0
         self._place_m, self._place_variance, self._num_at_place = first.horizontal_m, 0.0, 0
         self._start(first, vehicle_class.speed_m_s)
@@ -216,6 +193,10 @@ class Track:
         """
         if self._is_copy(detection):
             return "duplicate"
+        reported = detection
+        if self.vehicle_class.flies_on:
+            before = self._gated[-1] if self._gated else self._latest
+            detection = detection.without_wrong_velocity(before, self._noise_m(before, detection))
         if detection.stamp_s < self._filter.stamp_s - self._settings.filter.late_max_s:
             return UpdateResult.TOO_LATE.value
         distance = self._filter.squared_distance(
@@ -223,8 +204,10 @@ class Track:
         )
         is_outside = distance > chi_square_quantile(self._settings.gate_probability)
         # After a gap the spread alone would accept a detection from anywhere.
-        if is_outside or not self._is_within_reach(self._latest, detection):
+        if not self._is_within_reach(self._latest, detection):
             return self._gate_out(detection)
+        if is_outside:
+            return self._manoeuvred(detection, reported) or self._gate_out(detection)
         result = self._filter.observe(
             detection.stamp_s, detection.horizontal_m, detection.position_std_m, detection.velocity_m_s,
             detection.velocity_std_m_s,
@@ -240,8 +223,8 @@ class Track:
         velocity_up = 0.0
         if self.is_parked:
             mean = self._filter.mean * np.array([1.0, 0.0, 1.0, 0.0])
-        elif self._latest.is_airborne and self._latest.velocity_enu_m_s is not None:
-            velocity_up = self._latest.velocity_enu_m_s[2]
+        elif self._latest.is_airborne:
+            velocity_up = self._climb.rate_m_s
         up = self._latest.position_enu_m[2] + velocity_up * (instant - self._latest.stamp_s)
         speed = math.hypot(mean[1], mean[3])
         route = None
@@ -278,13 +261,23 @@ class Track:
         self._seen.append((detection.stamp_s, detection.position_enu_m[:2]))
         if detection.stamp_s >= self._latest.stamp_s:
             self._latest = detection
+            reported = detection.velocity_enu_m_s
+            self._climb.observe(
+                detection.stamp_s, detection.position_enu_m[2], None if reported is None else reported[2]
+            )
         if self.vehicle_class.flies_on and detection.velocity_m_s is not None:
             self._turn.observe(detection.stamp_s, detection.velocity_m_s)
         if self.vehicle_class.stands:
             self._watch_parked(detection)
 
     def _is_copy(self, detection: Detection) -> bool:
-        """Return whether this position was reported at this time, or too recently for a moving vehicle."""
+        """Return whether this position was reported at this time, or too recently for a moving vehicle.
+
+        A refused report that is sent again confirms nothing, either.
+        """
+        heard = self._gated[-1:] or [self._latest]
+        if self.vehicle_class.flies_on and detection.is_repeat_of(heard[0]):
+            return True
         ages = [
             abs(detection.stamp_s - stamp)
             for stamp, place in self._seen
@@ -308,18 +301,37 @@ class Track:
         first = self._gated[0]
         went = float(np.linalg.norm(detection.horizontal_m - first.horizontal_m))
         took = max(abs(detection.stamp_s - first.stamp_s), 1.0)
+        if self.vehicle_class.flies_on:
+            detection = detection.with_velocity_since(first)
+        self._climb = ClimbEstimate()
         self._start(detection, max(self.vehicle_class.speed_m_s, went / took))
         return "restarted"
+
+    def _manoeuvred(self, detection: Detection, reported: Detection) -> str | None:
+        """Start again from a detection that the filter did not expect, if the aircraft can have flown there.
+
+        The filter expects nearly constant velocity, and an aircraft that is seen every 15 s may have turned
+        right round. How far it can have flown follows from the speed in what was ``reported``, even if that
+        velocity is not believed.
+        """
+        if not self.vehicle_class.flies_on:
+            return None
+        if not reported.is_flown_from(self._latest, self._noise_m(self._latest, detection)):
+            return None
+        self._start(detection.with_velocity_since(self._latest), self.vehicle_class.speed_m_s)
+        return "restarted"
+
+    def _noise_m(self, earlier: Detection, later: Detection) -> float:
+        """Return the largest error of the distance between two detections [m]."""
+        position_std = math.hypot(earlier.position_std_m, later.position_std_m)
+        return position_std * math.sqrt(chi_square_quantile(self._settings.gate_probability))
 
     def _is_within_reach(self, earlier: Detection, later: Detection) -> bool:
         speed = max(2.0 * self.vehicle_class.speed_m_s, self._settings.reach_speed_min_m_s)
         if later.velocity_enu_m_s is not None:
             speed = max(speed, math.hypot(*later.velocity_enu_m_s[:2]))
-        position_std = math.hypot(earlier.position_std_m, later.position_std_m)
-        reach = speed * abs(later.stamp_s - earlier.stamp_s) + position_std * math.sqrt(
-            chi_square_quantile(self._settings.gate_probability)
-        )
-        return bool(np.linalg.norm(later.horizontal_m - earlier.horizontal_m) <= reach)
+        reach = speed * abs(later.stamp_s - earlier.stamp_s) + self._noise_m(earlier, later)
+        return later.distance_m(earlier) <= reach and later.is_height_within_reach(earlier)
 
     def _speed_is_significant(self) -> bool:
         """Return whether the estimated velocity is significantly different from zero."""

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from companion.frames import FloatArray, LocalFrame
+from companion.tracking.detection import Detection
 from companion.tracking.threat_assigner import ThreatAssigner, VehicleClass, VehicleClassSettings
-from companion.tracking.track import Detection, Track, TrackSettings
+from companion.tracking.track import Track, TrackSettings
 from companion.types.events import Emitter, TrackReport
 from companion.types.threat import DynamicThreat, TrackState
 
