@@ -43,6 +43,7 @@ class EncounterRunner:
         del known
         self._campaign = campaign
         self._model = functools.cache(lambda setting: passing_from_text(*campaign.models[setting]))
+        self._alone: tuple[MissionConfig, int, FloatArray] | None = None  # Runs of a seed follow each other.
 
     def warm_up(self) -> None:
         """Have the planner's kernels ready."""
@@ -51,15 +52,38 @@ class EncounterRunner:
     def outcome(self, run: Run) -> Outcome:
         """Fly, and measure."""
         campaign, wanted = self._campaign, self._campaign.encounter(run.setting)
+        mission, dialect = mission_of(campaign, run), Dialect(campaign.config.autopilot)
+        if self._alone is None or self._alone[:2] != (mission, run.seed):
+            self._alone = mission, run.seed, flown_alone(mission, run.seed, dialect)
         return flown_encounter(
-            mission_of(campaign, run), self._model(run.setting), run.seed,
-            spread=wanted.spread, dialect=Dialect(campaign.config.autopilot), source=SOURCES[wanted.source],
+            mission, self._model(run.setting), run.seed, spread=wanted.spread, dialect=dialect,
+            source=SOURCES[wanted.source], alone=self._alone[2],
         )  # fmt: skip
+
+
+def flown_alone(mission: MissionConfig, seed: int, dialect: Dialect) -> FloatArray:
+    """Fly a mission without other aircraft, and return the path.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission, without moving threats.
+    seed : int
+        Seed of everything random.
+    dialect : Dialect
+        The autopilot whose semantics the simulator has.
+
+    Returns
+    -------
+    ndarray, shape (N, 4)
+        Time [s], east, north, up [m].
+    """
+    return _flown(Flight(mission, seed, dialect=dialect))
 
 
 def flown_encounter(
     mission: MissionConfig, passing: Passing, seed: int, *,
-    spread: float, dialect: Dialect, source: ReportSource = ADSB,
+    spread: float, dialect: Dialect, source: ReportSource = ADSB, alone: FloatArray | None = None,
 ) -> Outcome:  # fmt: skip
     """Fly an encounter, and return its measures and the paths.
 
@@ -81,8 +105,10 @@ def flown_encounter(
         The autopilot whose semantics the simulator has.
     source : ReportSource
         How the aircraft are reported.
+    alone : ndarray, shape (N, 4), optional
+        The path of :func:`flown_alone`, if it is known.
     """
-    path = _flown(Flight(mission, seed, dialect=dialect))
+    path = flown_alone(mission, seed, dialect) if alone is None else alone
     meets_s = round(MEETS * float(path[-1, 0]))
     generator = np.random.default_rng(seed)
     tracks, drawn = passing_tracks(passing, path, generator, meets_s=meets_s, spread=spread)

@@ -111,6 +111,9 @@ def test_a_campaigns_encounter_is_flown_alone_and_with_the_aircraft():
     assert (outcome.measures["without.lowc"], outcome.measures["lowc"]) == (True, False)
     assert outcome.measures["without.miss_m"] == pytest.approx(outcome.measures["drawn_miss_m"], abs=6.0)
     assert set(outcome.paths) == {"true_path", "passing"}
+    other = next(each for each in campaign.runs if each.setting == "made up" and each.seed == run.seed)
+    # The flight alone is the same under all settings of a seed, and is flown once.
+    assert runner.outcome(other) == EncounterRunner(campaign, {}).outcome(other)
 
 
 @pytest.mark.parametrize("name", ["remote_id", "utm"])
