@@ -16,20 +16,9 @@ from tests.traffic_replay.replay_flights import LENGTH_S, flown
 
 TURNS = tuple(how for how in HOW if how != "leap")
 COLUMNS = (
-    *(
-        "flights",
-        "reports",
-        "impossible",
-        "errors",
-        "alerts",
-        "unjustified",
-        "near alone",
-        "of these told",
-        "near",
-        "told",
-    ),
-    *("missed", "sudden", "wrong detours"),
-)
+    "flights", "reports", "impossible", "errors", "alerts", "unjustified", "near alone", "of these told",
+    "near", "told", "missed", "sudden", "wrong detours",
+)  # fmt: skip
 
 
 def chosen_flights(path, limit, first=0):

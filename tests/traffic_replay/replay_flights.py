@@ -21,11 +21,7 @@ LENGTH_S = 115.0  # Pieces are as long as a flight takes.
 SEEDS = 4  # Flights alone, about which pieces are placed.
 TOLD_MIN_S = 5.0  # An aircraft must be told of if it was reported for so long before it comes near.
 FORGOTTEN_S = 75.0  # An alert longer ago than that does not count: it was about something else.
-WIDE, WIDE_UP_M, WIDE_AHEAD_S = (
-    2.0,
-    150.0,
-    120.0,
-)  # What stays farther away than this has no effect on the path.
+WIDE, WIDE_UP_M, WIDE_AHEAD_S = 2.0, 150.0, 120.0  # What stays farther away has no effect on the path.
 ASIDE_MAX_M, ASIDE_UP_MAX_M = 60.0, 20.0  # Differences of two flights that are no detour.
 
 
@@ -41,9 +37,7 @@ class Outcome:
     alerts_s: list = field(default_factory=list)
     alone: list = field(default_factory=list)  # When it would have lost well clear without the service [s].
     sudden_s: list = field(default_factory=list)  # When it was lost without a report before [s].
-    told_before_s: list = field(
-        default_factory=list
-    )  # Of each other loss; NaN if the pilot was not told [s].
+    told_before_s: list = field(default_factory=list)  # Of each other loss; NaN if nothing was told [s].
     missed: list = field(default_factory=list)
     unjustified_s: list = field(default_factory=list)
     aside_m: tuple = (0.0, 0.0)

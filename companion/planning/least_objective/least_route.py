@@ -26,6 +26,9 @@ from companion.planning.least_objective.tree_growth import GrowthRules, Objectiv
 from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
 
+# Past aircraft a higher airspeed is tried where the path at cruise costs so many times what it would without
+# them. Below that, airspeeds would change for turns that the other aircraft often does not go on with.
+FASTER_FROM = 1.5
 GAP_M = (
     25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
 )
@@ -161,8 +164,8 @@ class LeastRouteSearch:
     def _past_others(self) -> Searched:
         """The cheapest path past aircraft that fly on, at cruise or faster.
 
-        They are foreseen in V if the path that is found without foresight comes near to any of them. Then a
-        higher airspeed is tried, too, where V without them, at that airspeed, is below the cost of a path.
+        They are foreseen in V if the path that is found without foresight comes near to any of them. If they
+        make the flight at cruise much more expensive, a higher airspeed is tried, too.
         """
         cruise = self._airspeeds[0]
         best = self._search(cruise, self._field_alone(), MOST_DANGER)
@@ -170,10 +173,11 @@ class LeastRouteSearch:
             return best
         for airspeed in self._exploration.airspeeds_m_s:
             known = cruise if airspeed == cruise.airspeed_m_s else self._at(airspeed)
+            found = self._search(known, self._field(known, MOST_DANGER), MOST_DANGER)
             self.bound_s = min(self.bound_s, known.bound_s)
-            if known.bound_s < best.cost_s:
-                found = self._search(known, self._field(known, MOST_DANGER), MOST_DANGER)
-                best = min((found, best), key=lambda each: each.cost_s)
+            best = min((found, best), key=lambda each: each.cost_s)
+            if best.cost_s < FASTER_FROM * cruise.bound_s:
+                break
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
 
