@@ -30,7 +30,9 @@ HEIGHT_HELD_M = 5.0  # Autopilots hold the height of a path within this.
 HIGHER_SHARE = 0.1  # The share of the time in which the aircraft is higher than planned by nearly that.
 SEEN = 0.5  # A second counts as in sight from this membership on.
 CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on climbs, as a share of that.
-AT_CENTRE = 5.0  # A second in the middle of a well clear volume costs so much more than one at its surface.
+# Danger just inside a well clear volume, and in its middle; just outside it is 1. Losing well clear for long
+# is not worth an arrival.
+AT_SURFACE, AT_CENTRE = 3.0, 7.0
 # The same where an aircraft keeps its route for certain: beyond a few metres inside, no search passes it.
 AT_KEPT_CENTRE = 100.0
 DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
@@ -120,10 +122,10 @@ def pursuit_danger(x: float, y: float, z: float, time: float, objective: Objecti
 def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float) -> float:
     """Danger from an aircraft that flies on at ``time`` [s].
 
-    It is 1 at the surface of its well clear volume, rises to :data:`AT_CENTRE` at its centre, and falls to 0
-    at a margin beyond it, which is wider on its wrong side (:mod:`companion.world.right_of_way`). The volume
-    is larger by twice the standard deviation of where the aircraft will be.
-    One that turns, or says where it flies next, may do so, or fly straight on from now; the worse counts.
+    It rises from :data:`AT_SURFACE` to :data:`AT_CENTRE` in the well clear volume. Outside it falls from 1 to
+    0 at a margin, which is wider on its wrong side (:mod:`companion.world.right_of_way`). The volume is larger
+    by twice the standard deviation of where the aircraft will be. One that turns, or says where it flies
+    next, may do so, or fly straight on from now; the worse counts.
     """
     last = pursuers.count[d] - 2
     worst = danger_if(passing_place(pursuers, d, time, last), pursuers, d, x, y, z, time)
@@ -153,7 +155,7 @@ def danger_if(
     outside = away - radius
     if above <= 0.0 and outside <= 0.0:
         centre = AT_KEPT_CENTRE if pursuers.model[d, 7] else AT_CENTRE
-        return 1.0 + (centre - 1.0) * min(-above / height, -outside / radius)
+        return AT_SURFACE + (centre - AT_SURFACE) * min(-above / height, -outside / radius)
     wrong = (x - there[0]) * pursuers.model[d, 10] + (y - there[1]) * pursuers.model[d, 11]
     margin = MARGIN_M + WRONG_SIDE_M * max(0.0, wrong) / max(away, 1.0)
     return max(0.0, 1.0 - max(above / MARGIN_UP_M, outside / margin))

@@ -28,7 +28,7 @@ from companion.types.plan import SearchTrace
 
 # Past aircraft a higher airspeed is tried where the path at cruise costs so many times what it would without
 # them. Below that, airspeeds would change for turns that the other aircraft often does not go on with.
-FASTER_FROM = 1.5
+FASTER_FROM = 2.0
 GAP_M = (
     25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
 )
