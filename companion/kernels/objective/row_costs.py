@@ -123,7 +123,7 @@ def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, tim
     """Danger from an aircraft that flies on at ``time`` [s].
 
     It rises from :data:`AT_SURFACE` to :data:`AT_CENTRE` in the well clear volume. Outside it falls from 1 to
-    0 at a margin, which is wider on its wrong side (:mod:`companion.world.right_of_way`). The volume is larger
+    0 at a margin, which is wider on its wrong side (:mod:`companion.world.right_of_way`). The volume is wider
     by twice the standard deviation of where the aircraft will be. One that turns, or says where it flies
     next, may do so, or fly straight on from now; the worse counts.
     """
