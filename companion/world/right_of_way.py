@@ -25,7 +25,6 @@ import numpy as np
 
 from companion.frames import FloatArray
 from companion.kernels.arrays import Pursuers
-from companion.kernels.threat.near_aircraft import MARGIN_M
 from companion.types.threat import TrackState
 
 
@@ -44,7 +43,7 @@ def wrong_side(track: TrackState, place_m: FloatArray, velocity_m_s: FloatArray)
     -------
     tuple of float
         East and north, of length 1 where the rule is clear, shorter between the rules, and zero where the
-        two would not come near each other, or where the other does not fly on.
+        two would stay well clear of each other, or where the other does not fly on.
     """
     velocity = np.asarray(track.velocity_enu_m_s[:2])
     away, closing = np.asarray(track.position_enu_m[:2]) - place_m, velocity - velocity_m_s
@@ -53,7 +52,7 @@ def wrong_side(track: TrackState, place_m: FloatArray, velocity_m_s: FloatArray)
         return 0.0, 0.0
     wait_s = max(0.0, -float(away @ closing) / speed**2)
     miss_m = math.hypot(*(away + wait_s * closing))
-    if miss_m > track.max_threat_radius_m + MARGIN_M:
+    if miss_m > track.max_threat_radius_m:
         return 0.0, 0.0
     # The line of sight turns to the right where the own aircraft is on this side of the relative track.
     share = _stays_left(velocity, velocity_m_s) / speed

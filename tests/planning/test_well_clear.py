@@ -68,7 +68,7 @@ def test_without_the_rule_the_shorter_way_is_flown(monkeypatch):
 
 
 def test_far_on_the_wrong_side_the_rule_asks_for_no_detour():
-    """It passes 900 m to the right: nearer than the margin on its wrong side, farther than the other one."""
+    """It passes 900 m to the right: nearer than the margin that is wider on its wrong side would reach."""
     other = meeting(270.0, 50.0, -900.0)
     path = planned(other)
     assert np.abs(path.positions_enu_m[:, 1]).max() < 5.0

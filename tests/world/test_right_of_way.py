@@ -51,7 +51,7 @@ def test_between_the_rules_for_head_on_and_from_the_left_there_is_no_wrong_side(
 @pytest.mark.parametrize(
     "other",
     [
-        meets(180.0, 50.0, aside_m=761.0),  # 610 m are well clear, and 150 m the margin.
+        meets(180.0, 50.0, aside_m=611.0),  # 610 m are well clear.
         aircraft((0.0, -1000.0), (0.0, -50.0)),  # It has passed.
         aircraft((300.0, 0.0), (0.0, 0.0)),  # It stands.
         replace(meets(180.0, 50.0), flies_on=False),
