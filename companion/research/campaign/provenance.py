@@ -10,7 +10,7 @@ from pathlib import Path
 
 from companion import __version__
 
-_SOURCE = Path(__file__).parents[2]
+_SOURCE = Path(__file__).parents[3]
 _PROCESSORS = Path("/proc/cpuinfo")
 NO_COMMIT = "unknown"
 
