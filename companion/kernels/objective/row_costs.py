@@ -30,8 +30,8 @@ HEIGHT_HELD_M = 5.0  # Autopilots hold the height of a path within this.
 HIGHER_SHARE = 0.1  # The share of the time in which the aircraft is higher than planned by nearly that.
 SEEN = 0.5  # A second counts as in sight from this membership on.
 CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on climbs, as a share of that.
-# Danger just inside a well clear volume, and in its middle; just outside it is 1. Losing well clear for long
-# is not worth an arrival.
+# Danger just inside a well clear volume, and in its middle; just outside it is 1. With 1 inside, too, flights
+# reached goals in time through the rim of a volume.
 AT_SURFACE, AT_CENTRE = 3.0, 7.0
 # The same where an aircraft keeps its route for certain: beyond a few metres inside, no search passes it.
 AT_KEPT_CENTRE = 100.0

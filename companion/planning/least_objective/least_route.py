@@ -176,7 +176,7 @@ class LeastRouteSearch:
             found = self._search(known, self._field(known, MOST_DANGER), MOST_DANGER)
             self.bound_s = min(self.bound_s, known.bound_s)
             best = min((found, best), key=lambda each: each.cost_s)
-            if best.cost_s < FASTER_FROM * cruise.bound_s:
+            if best.cost_s < FASTER_FROM * cruise.bound_s or self._should_stop():
                 break
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
