@@ -60,7 +60,7 @@ def wrong_side(track: TrackState, place_m: FloatArray, velocity_m_s: FloatArray)
 
 
 def _stays_left(theirs: FloatArray, own: FloatArray) -> float:
-    """Return 1 if the other is to stay on the left, -1 if on the right; less where one rule becomes the other.
+    """Return 1 if the other is to stay on the left, -1 if on the right; less between the two rules.
 
     By ``theirs`` (2,) and ``own`` (2,) [m/s]: the rule changes at 45° to the own and to the opposite course.
     """
