@@ -194,7 +194,7 @@ def test_the_models_of_the_shipped_page_are_looked_for_where_the_environment_say
         (tmp_path / name).write_text(MODEL.read_text(encoding="utf-8"), encoding="utf-8")
     monkeypatch.setenv("MODELS", str(tmp_path))
     campaign = load_campaign(file)
-    assert (campaign.config.name, len(campaign.runs)) == ("lincoln", 300)
+    assert (campaign.config.name, len(campaign.runs)) == ("lincoln", 15_000)
     assert set(campaign.models) == {"fixed wing", "rotorcraft", "glider"}
     monkeypatch.delenv("MODELS")
     with pytest.raises(ConfigError, match=r"got \$MODELS/uncor_1200only_fwse_v1p2\.txt; expected a model"):
