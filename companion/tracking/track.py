@@ -195,8 +195,8 @@ class Track:
             return "duplicate"
         reported = detection
         if self.vehicle_class.flies_on:
-            before = self._gated[-1] if self._gated else self._latest
-            detection = detection.without_wrong_velocity(before, self._noise_m(before, detection))
+            noise_m = self._noise_m(self._last_heard, detection)
+            detection = detection.without_wrong_velocity(self._last_heard, noise_m)
         if detection.stamp_s < self._filter.stamp_s - self._settings.filter.late_max_s:
             return UpdateResult.TOO_LATE.value
         distance = self._filter.squared_distance(
@@ -248,6 +248,11 @@ class Track:
         )
 
     @property
+    def _last_heard(self) -> Detection:
+        """The newest detection, believed or not."""
+        return self._gated[-1] if self._gated else self._latest
+
+    @property
     def observed_s(self) -> float:
         """Time of the newest accepted detection [s]."""
         return self._latest.stamp_s
@@ -275,8 +280,7 @@ class Track:
 
         A refused report that is sent again confirms nothing, either.
         """
-        heard = self._gated[-1:] or [self._latest]
-        if self.vehicle_class.flies_on and detection.is_repeat_of(heard[0]):
+        if self.vehicle_class.flies_on and detection.is_repeat_of(self._last_heard):
             return True
         ages = [
             abs(detection.stamp_s - stamp)
@@ -299,12 +303,11 @@ class Track:
             return "teleporting"
         self._moving_run = self._settings.moving_detections  # It is at another place, so it moves.
         first = self._gated[0]
-        went = float(np.linalg.norm(detection.horizontal_m - first.horizontal_m))
         took = max(abs(detection.stamp_s - first.stamp_s), 1.0)
         if self.vehicle_class.flies_on:
             detection = detection.with_velocity_since(first)
         self._climb = ClimbEstimate()
-        self._start(detection, max(self.vehicle_class.speed_m_s, went / took))
+        self._start(detection, max(self.vehicle_class.speed_m_s, detection.distance_m(first) / took))
         return "restarted"
 
     def _manoeuvred(self, detection: Detection, reported: Detection) -> str | None:
@@ -328,8 +331,7 @@ class Track:
 
     def _is_within_reach(self, earlier: Detection, later: Detection) -> bool:
         speed = max(2.0 * self.vehicle_class.speed_m_s, self._settings.reach_speed_min_m_s)
-        if later.velocity_enu_m_s is not None:
-            speed = max(speed, math.hypot(*later.velocity_enu_m_s[:2]))
+        speed = max(speed, later.speed_m_s or 0.0)
         reach = speed * abs(later.stamp_s - earlier.stamp_s) + self._noise_m(earlier, later)
         return later.distance_m(earlier) <= reach and later.is_height_within_reach(earlier)
 

@@ -18,6 +18,15 @@ SOURCE_COMPONENT = mavlink.MAV_COMP_ID_ADSB
 _PERIOD_US = 1_000_000
 
 
+def send_heartbeat(autopilot: Autopilot) -> None:
+    """Send the heartbeat of a surveillance source on all links of an autopilot."""
+    beat = mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ADSB, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+    )
+    for channel in autopilot.channels:
+        channel.send_as(beat, SOURCE_SYSTEM, SOURCE_COMPONENT)
+
+
 class TrackSource:
     """Reports every pursuer once a second, under a system id of its own.
 
@@ -51,16 +60,12 @@ class TrackSource:
         if now_us < self._next_us or not self._pursuers:
             return
         self._next_us += _PERIOD_US
-        beat = mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_ADSB, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-        )
         reports = [
             self._report(index, name, vehicle)
             for index, (name, vehicle) in enumerate(self._pursuers)
-            if vehicle.loss == 0.0 or self._generator.random() >= vehicle.loss
+            if vehicle.source.loss == 0.0 or self._generator.random() >= vehicle.source.loss
         ]
-        for channel in self._autopilot.channels:
-            channel.send_as(beat, SOURCE_SYSTEM, SOURCE_COMPONENT)
+        send_heartbeat(self._autopilot)
         for report in reports:
             self._autopilot.relay_traffic(report, (SOURCE_SYSTEM, SOURCE_COMPONENT))
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import FloatArray
 from .pursuer import TargetEstimate
-from .reports import ADSB, ReportSource
-
-PROMPT = replace(ADSB, delay_s=0.0, loss=0.0)
+from .reports import PROMPT, ReportSource
 
 
 class PassingAircraft:
@@ -28,7 +24,7 @@ class PassingAircraft:
     emitter = mavlink.ADSB_EMITTER_TYPE_LIGHT
 
     def __init__(self, track: FloatArray, source: ReportSource = PROMPT) -> None:
-        self._track, self.source, self.loss = track, source, source.loss
+        self._track, self.source = track, source
         self._now_s = 0.0
 
     def step(self, now_us: int, duration_s: float, target: TargetEstimate) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import FloatArray, wrapped_angle
-from .reports import ADSB
+from .reports import PROMPT
 from .roads import Roads, polyline_points
 
 CLEARANCE_M = 12.0
@@ -58,8 +58,8 @@ class Pursuer:
         Smallest turn radius [m].
     """
 
-    emitter, source = mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE, ADSB
-    up_m = climb_m_s = loss = 0.0  # A pursuer's reports are neither late nor lost.
+    emitter, source = mavlink.ADSB_EMITTER_TYPE_SERVICE_SURFACE, PROMPT
+    up_m = climb_m_s = 0.0
 
     def __init__(
         self, roads: Roads, position: tuple[float, float], speed_m_s: float, turn_radius_m: float

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from ..autopilot.base import Autopilot
 from ..autopilot.channel import Message
-from .adsb_source import SOURCE_COMPONENT, SOURCE_SYSTEM
+from .adsb_source import SOURCE_COMPONENT, SOURCE_SYSTEM, send_heartbeat
 from .recorded_tracks import RecordedReport
 
 _BEAT_US = 1_000_000
@@ -78,11 +78,7 @@ class ReplayedReports:
         """Send what was received until ``now_us`` of simulated time, and a heartbeat each second."""
         if now_us >= self._next_beat_us:
             self._next_beat_us += _BEAT_US
-            beat = mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_ADSB, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-            )
-            for channel in self._autopilot.channels:
-                channel.send_as(beat, SOURCE_SYSTEM, SOURCE_COMPONENT)
+            send_heartbeat(self._autopilot)
         while self._waiting and self._waiting[0][0] * 1e6 <= now_us:
             _, report = self._waiting.popleft()
             self._autopilot.relay_traffic(adsb_message(report), (SOURCE_SYSTEM, SOURCE_COMPONENT))
