@@ -144,3 +144,12 @@ def test_who_starts_within_reach_leaves_it():
     assert plan.pursuit.first_s <= 2.0
     assert plan.pursuit.total_s <= 6.0
     assert plan.flown_pursuit.total_s > 15.0
+
+
+def test_near_the_goal_a_pursuer_is_planned_for_as_elsewhere():
+    """On the coarse field V is 0 here: no share of it says how expensive an airspeed may be."""
+    near = problem(
+        tracks=[track(1225.0, 1348.0, speed=25.0, radius=100.0)],
+        start=(1348.0, 1354.0, 150.0), goal=(1350.0, 1350.0, 150.0), direction=0.5 * math.pi,
+    )  # fmt: skip
+    assert solve(near).status is PlanStatus.EXACT

@@ -1,8 +1,11 @@
 """Two returns with the service killed, each beside the same flight that returns straight home."""
 
 import pytest
+from shapely.geometry import LineString, Polygon
 
-from tests.returns.return_flights import fly, is_bad, scenario
+from companion.types.mission import Command
+from tests.returns.return_flights import BY_PATH, PLACES, fly, is_bad, scenario
+from tests.support.sitl_harness import SitlHarness
 
 # Of each autopilot the first seed whose straight return touches something.
 SEEDS = [pytest.param(2, id="arduplane"), pytest.param(3, id="px4")]
@@ -26,10 +29,35 @@ def test_a_landing_sequence_is_joined_at_its_start_with_the_service_killed():
     assert not is_bad(flight)
 
 
+@pytest.mark.slow
 def test_a_path_that_slows_down_is_judged_at_both_airspeeds_to_the_end_of_each_flight():
     """Slowed down at once, a mission of this flight takes a second longer, and breaks a rule in it."""
     flight = fly(4325)
     assert not is_bad(flight)
+
+
+@pytest.mark.slow
+def test_a_landing_that_is_itself_too_near_to_a_wall_is_flown_to_without_touching_anything():
+    flight = fly(5449)
+    assert flight.has_path
+    assert not is_bad(flight)
+
+
+def test_to_a_landing_that_is_too_near_to_a_wall_the_way_is_chosen_that_keeps_clear_for_longest():
+    """Simulated, the circle of this landing touches a wall; the straight way there crosses another one."""
+    mission, _, dialect, *_ = scenario(5449)
+    harness = SitlHarness(mission, seed=5449, dialect=dialect)
+    autopilot = harness.simulator.autopilot
+    parameter, by_mission = BY_PATH[dialect]
+    autopilot.parameters[parameter] = by_mission
+    harness.fly(8.0)
+    placed = [item for item in autopilot.mission_items if item.command in (Command.NAV_LOITER_UNLIM, *PLACES)]
+    end = max(row for row, item in enumerate(placed) if item.command == Command.NAV_LOITER_UNLIM)
+    places = [autopilot._position(item)[:2] for item in placed[end:-1]]
+    walls = {wall.name: Polygon(wall.polygon_enu_m) for wall in mission.obstacle_list}
+    straight, way = LineString([places[0], places[-1]]), LineString(places)
+    assert straight.distance(walls["box_0"]) == 0.0
+    assert way.distance(walls["box_0"]) > 7.5
 
 
 @pytest.mark.slow

@@ -47,7 +47,9 @@ ITERATIONS_MAX = 4_000  # A plan takes no longer than a few of the usual ones.
 def way_on(
     state: FlightState, path: Path, waypoints: Waypoints, covered_until_s: float, snapshot: Snapshot
 ) -> FloatArray | None:
-    """Return the waypoints of the way on; None if none is needed, or none keeps clear.
+    """Return the waypoints of the way on: those that keep clear, else those that do for longest.
+
+    A landing may itself be too near to something; the way to it need not be.
 
     Parameters
     ----------
@@ -65,7 +67,7 @@ def way_on(
     Returns
     -------
     ndarray, shape (N, 3), or None
-        East, north, up [m].
+        East, north, up [m]; None if none is needed, or none is better than the straight way.
     """
     is_wanted = not state.flies_by and state.settings.return_kind == BY_MISSION
     if not is_wanted or state.tail_enu_m is None or waypoints.continues_with_operator_items:
@@ -73,14 +75,18 @@ def way_on(
     ends = at_start(path.since(int(np.searchsorted(path.times_s, covered_until_s))), state.wind_enu_m_s)
     centre, _ = waypoints.circle
     landing = landing_region(state, state.tail_enu_m)
+    tried = list[tuple[float, FloatArray]]()
     for turn_rad in TURNS_RAD:
         home = _path_to(state, landing, _over(ends, centre, turn_rad), snapshot)
         if home is None:
             continue
         for points in _as_waypoints(state, home, landing):
-            if _is_clear(state, ends, np.vstack([centre, points])):
+            clear_s = _clear_s(state, ends, np.vstack([centre, points]))
+            if math.isinf(clear_s):
                 return points
-    return None
+            tried.append((clear_s, points))
+    longest_s, best = max(tried, key=lambda each: each[0], default=(0.0, None))
+    return best if longest_s > _clear_s(state, ends, np.array([centre])) else None
 
 
 def _as_waypoints(state: FlightState, home: Path, landing: GoalRegion) -> Iterator[FloatArray]:
@@ -139,11 +145,11 @@ def _path_to(state: FlightState, landing: GoalRegion, ends: Ownship, snapshot: S
     return plan.path
 
 
-def _is_clear(state: FlightState, ends: Ownship, legs: FloatArray) -> bool:
-    """Return whether the flight over ``legs`` (N, 3) [m] and to the landing keeps clear.
+def _clear_s(state: FlightState, ends: Ownship, legs: FloatArray) -> float:
+    """Return for how long the flight over ``legs`` (N, 3) [m] and to the landing keeps clear [s].
 
     It ends in the circle with which the landing begins, or at its first item. In a return the aircraft flies
-    at the mission's airspeed or at cruise.
+    at the mission's airspeed or at cruise. It is infinite if it keeps clear to its end, 0 if it does not end.
     """
     cruise_m_s = state.rules.vehicle.airspeed_cruise_m_s
     slower = replace(
@@ -151,13 +157,17 @@ def _is_clear(state: FlightState, ends: Ownship, legs: FloatArray) -> bool:
         airspeed_m_s=cruise_m_s,
         ground_speed_m_s=max(ends.ground_speed_m_s + cruise_m_s - ends.airspeed_m_s, SLOWEST_M_S),
     )
-    checker = state.rules.checker
+    checker, clear_s = state.rules.checker, math.inf
     for begun in (ends,) if slower == ends else (ends, slower):
         tracks = _tracks_over(state, begun, legs)
-        found = (entry for places in tracks for entry in checker.check_track(places, checker.limits.margin_m))
-        if not tracks or any(entry.rule == "clearance" for entry in found):
-            return False
-    return True
+        if not tracks:
+            return 0.0
+        for number, places in enumerate(tracks):
+            found = checker.check_track(places, checker.limits.margin_m)
+            near = (entry.row for entry in found if entry.rule == "clearance")
+            before = len(tracks[0]) if number else 0
+            clear_s = min(clear_s, STEP_S * (before + min(near, default=math.inf)))
+    return clear_s
 
 
 def _tracks_over(state: FlightState, begun: Ownship, legs: FloatArray) -> list[FloatArray]:

@@ -235,7 +235,8 @@ class LeastRouteSearch:
             fine_s = least_s(field, self._place)
             if math.isinf(fine_s) and known is self._airspeeds[-1] and danger_max < MOST_DANGER:
                 break
-            share = max(share, min(1.0, fine_s / coarse_s) if math.isfinite(coarse_s) else 0.0)
+            if 0.0 < coarse_s < math.inf:
+                share = max(share, min(1.0, fine_s / coarse_s))
             found = self._search(known, field, danger_max)
             best = min((best or found, found), key=lambda each: each.cost_s)
         return best
