@@ -13,13 +13,15 @@ from companion.flight.state.flight_state import FlightState, StateOwner
 from companion.flight.state.progress import Start, as_of_now
 from companion.flight.state.world_model import WorldModel
 from companion.flight.takeover.start_prediction import begin
+from companion.token_bucket import TokenBucket
 from companion.types.path import Path
 from companion.types.threat import TrackState
 
 LEVEL_RISE_MIN = 0.15  # A smaller increase of the threat level is within the variation of the estimates.
 # A path that a moving threat can reach for up to the first time is safe, for more than the second it is not.
 SAFE_S, THREATENED_S = 0.5, 2.0
-LOOK_INTERVAL_S = 0.3  # Shortest time between two judgements: each takes some milliseconds.
+# Each judgement takes some milliseconds: so many a second, and so many at once after a quiet time.
+LOOKS_HZ, LOOKS_AT_ONCE = 3.0, 3.0
 LATERAL_RADII = 1.5  # A vehicle predicted to pass at this many threat radii, and now within one, has turned.
 
 
@@ -53,7 +55,7 @@ class SurpriseWatch:
         self._surprise = ""
         self._seen: tuple[float, int] | None = None
         self._rules: Rules | None = None
-        self._looked_s = -math.inf
+        self._looks = TokenBucket(LOOKS_HZ, LOOKS_AT_ONCE)
 
     def note_judgement(self, path: Path | None, *, is_failing: bool) -> None:
         """Note a judgement of the flown path, with which the next one is compared.
@@ -95,7 +97,7 @@ class SurpriseWatch:
         now_s : float
             The clock's reading [s].
         at_once : bool
-            Whether to judge again even if the last judgement is recent.
+            Whether to judge again even if that was done often just before.
         """
         state, world_model = self._flight.state, self._world_model
         ownship = world_model.ownship.state(now_s)
@@ -103,9 +105,9 @@ class SurpriseWatch:
         if ownship is None or not state.may_act or not state.flies_to_goal:
             return ""
         is_same = world == self._seen and state.rules is self._rules
-        if is_same or (now_s - self._looked_s < LOOK_INTERVAL_S and not at_once):
+        if is_same or not (at_once or self._looks.takes(now_s)):
             return self._surprise
-        self._seen, self._rules, self._looked_s = world, state.rules, now_s
+        self._seen, self._rules = world, state.rules
         start = begin(state, ownship, self._reader.current, is_urgent=True)
         snapshot = world_model.snapshot(now_s)
         state = self._flight.update_world(ownship, snapshot.picture)
