@@ -48,6 +48,16 @@ def test_four_pass_the_gaps_of_the_bug_trap(dialect):
     assert team.hit_s == {}
 
 
+@pytest.mark.slow
+@BOTH
+def test_four_fly_the_goals_that_they_share(dialect):
+    team = flown(load_mission(CONFIGS / "team-search.yaml"), 4, 0.2, dialect)
+    assert sorted(team.arrived_s) == [1, 2, 3, 4]
+    assert all(passed for passed in team.summary()["goals_flown_by"])
+    assert team.is_separate
+    assert team.hit_s == {}
+
+
 def test_the_goals_of_a_member_that_is_gone_are_flown_by_the_other_one():
     mission = mission_of(4, num_goals=3, side_m=1600.0)
     team = mission.team.model_copy(update={"lost_after_s": 10.0})
