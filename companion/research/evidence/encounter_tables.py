@@ -15,8 +15,12 @@ from numpy.typing import NDArray
 from companion.frames import FloatArray
 from companion.research.evidence.evidence_tables import NONE, Cell, ResultTable, interval_text
 from companion.research.evidence.intervals import risk_ratio, wilson
-from companion.research.evidence.samples import Case, Measure, Sample
+from companion.research.evidence.samples import Case, Evidence, Measure, Sample
 
+HEADS = {
+    "nmac": "NMAC", "lowc": "F3442", "lowc_en_route": "DO-365 en route",
+    "lowc_non_cooperative": "DO-365, not reporting",
+}  # fmt: skip
 EVENTS = {
     "nmac": "near mid-air collision (500 ft, 100 ft)",
     "lowc": "loss of well clear, ASTM F3442 (2000 ft, 250 ft)",
@@ -26,6 +30,10 @@ EVENTS = {
 LOSS = "lowc"
 LATE_S = 25.0  # DAIDALUS' DO_365B_no_SUM.conf: alerting time of its warning.
 DETOUR_S = 3.0  # A flight that arrives later or earlier by more than this made a detour.
+DETOURS = (
+    f"arrive more than {DETOUR_S:.0f} s later or earlier, of those that alone stay well clear; with Wilson's "
+    "interval"
+)
 BINS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
     ("closing_m_s", "closing speed [m/s]", (40.0, 60.0, 80.0)),
     ("aircraft_m_s", "the aircraft's speed [m/s]", (35.0, 50.0, 65.0)),
@@ -33,6 +41,28 @@ BINS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
 )
 
 Flags = NDArray[np.bool_]
+
+
+def overview_table(evidence: Evidence) -> ResultTable | None:
+    """One row for each case and method of a campaign of encounters; None of other kinds of campaign."""
+    if evidence.kind != "encounters":
+        return None
+    rows = []
+    for case in evidence.cases:
+        for method, sample in case.samples.items():
+            cells = [_ratio_cells(sample, event, None) for event in EVENTS]
+            ratios = [
+                Cell(f"{lost.text} / {would.text}: {ratio.text}", ratio.value)
+                for _, lost, would, ratio in cells
+            ]
+            names = Cell(case.title, case.title), Cell(method, method)
+            rows.append((*names, cells[0][0], *ratios, _detours_cell(sample)))
+    heads = (
+        ("encounters of", ""), ("method", ""), ("encounters", "those that were flown"),
+        *((HEADS[event], f"{words}, with / without the service: ratio") for event, words in EVENTS.items()),
+        ("detours", DETOURS),
+    )  # fmt: skip
+    return ResultTable("Risk ratios and detours", heads, tuple(rows))
 
 
 def encounter_tables(kind: str, case: Case) -> Iterator[ResultTable]:
@@ -62,21 +92,25 @@ def _detours_table(case: Case) -> ResultTable:
     rows = []
     for method, sample in case.samples.items():
         idle = ~happened(sample, f"without.{LOSS}")
-        late = np.abs(values_of(sample, "detour_s")[idle]) > DETOUR_S
-        share = wilson(int(late.sum()), len(late))
-        induced = int(happened(sample, LOSS)[idle].sum())
+        num, induced = int(idle.sum()), int(happened(sample, LOSS)[idle].sum())
         rows.append((
-            Cell(method, method), Cell(str(len(late)), float(len(late))),
-            Cell(f"{int(late.sum())}: {interval_text(share)}", share.value),
+            Cell(method, method), Cell(str(num), float(num)), _detours_cell(sample),
             Cell(str(induced), float(induced)),
         ))  # fmt: skip
     heads = (
         ("method", ""),
         ("encounters", "those in which the flight alone stays well clear by ASTM F3442"),
-        ("detours", f"arrive more than {DETOUR_S:.0f} s later or earlier; with Wilson's interval"),
+        ("detours", DETOURS),
         ("induced", "lose well clear with the service only"),
     )
     return ResultTable(f"{case.title}: where nothing would have happened", heads, tuple(rows))
+
+
+def _detours_cell(sample: Sample) -> Cell:
+    """How many, and which share, of the flights that alone stay well clear make a detour."""
+    late = np.abs(values_of(sample, "detour_s")[~happened(sample, f"without.{LOSS}")]) > DETOUR_S
+    share = wilson(int(late.sum()), len(late))
+    return Cell(f"{int(late.sum())} of {len(late)}: {interval_text(share)}", share.value)
 
 
 def _alerts_table(case: Case) -> ResultTable:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from companion.research.evidence.distributions import distributions, violins
 from companion.research.evidence.encounter_drawing import passages
-from companion.research.evidence.encounter_tables import encounter_tables
+from companion.research.evidence.encounter_tables import encounter_tables, overview_table
 from companion.research.evidence.evidence_tables import (
     DIFFERENCES_HEAD,
     MEASURES_HEAD,
@@ -40,6 +40,7 @@ ORDERINGS = (
     "are: of 100 pairs of methods that are in truth alike, about five get a verdict. Below "
     f"{RUNS_MIN} pairs there is none."
 )
+ALL = "All encounters"
 CURVES = (
     "Above, the share of all runs with at most that value; a curve ends at the share of runs that have one. "
     "Below, how frequent values are, of so many runs that have one: a dot is the median, a bar holds the "
@@ -108,6 +109,8 @@ def _verdict_tables(every: list[Judged]) -> list[ResultTable]:
 
 def _markdown(evidence: Evidence, by_case: dict[str, list[ResultTable]], every: list[Judged]) -> str:
     parts = [f"# {evidence.name}", *_leads(evidence)]
+    if (overview := overview_table(evidence)) is not None:
+        parts += [f"## {ALL}", markdown(overview).rstrip()]
     for title, tables in by_case.items():
         parts += [f"## {title}", *(markdown(table).rstrip() for table in tables)]
     if every:
@@ -118,6 +121,8 @@ def _markdown(evidence: Evidence, by_case: dict[str, list[ResultTable]], every: 
 
 def _page(evidence: Evidence, by_case: dict[str, list[ResultTable]], every: list[Judged]) -> str:
     parts = [_case_part(evidence.kind, case, n, by_case[case.title]) for n, case in enumerate(evidence.cases)]
+    if (overview := overview_table(evidence)) is not None:
+        parts.insert(0, Part(ALL, "", [overview]))
     if every:
         parts.append(Part("The paper's orderings", ORDERINGS, _verdict_tables(every)))
     return results_page(f"Campaign: {evidence.name}", _leads(evidence), parts)

@@ -246,7 +246,7 @@ def stored(store: RunStore) -> tuple[list[Row], Mapping[str, object], Mapping[st
 def evidence_from(
     rows: Sequence[Row], identity: Mapping[str, object], dimensions: Mapping[str, int]
 ) -> Evidence:
-    """Arrange rows by mission, setting, method and seed.
+    """Arrange rows by mission, setting, method and seed; those of encounters also without their setting.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def evidence_from(
     by_case: dict[tuple[str, str, str], dict[int, Row]] = {}
     for row in rows:
         by_case.setdefault((row.mission, row.setting, row.method), {})[row.seed] = row
-    cases = tuple(
+    cases = [
         Case(
             mission,
             setting,
@@ -272,16 +272,34 @@ def evidence_from(
         )
         for mission in missions
         for setting in settings
-    )
+    ]
+    kind = str(identity["kind"])
+    if kind == "encounters" and len(settings) > 1:
+        cases += _pooled(cases)
     return Evidence(
         str(identity["name"]),
-        str(identity["kind"]),
-        cases,
+        kind,
+        tuple(cases),
         len(rows),
         len(missions) * len(settings) * len(methods) * len(seeds),
         tuple(dict.fromkeys(row.commit for row in rows)),
         tuple(dict.fromkeys(row.machine for row in rows)),
     )
+
+
+def _pooled(cases: Sequence[Case]) -> list[Case]:
+    """The runs of each mission under all settings as one case, numbered anew."""
+    found = []
+    for mission in dict.fromkeys(case.mission for case in cases):
+        of_mission = [case for case in cases if case.mission == mission]
+        samples = {
+            method: Sample(
+                dict(enumerate(row for case in of_mission for row in case.samples[method].rows.values()))
+            )
+            for method in of_mission[0].samples
+        }
+        found.append(Case(mission, "all", of_mission[0].dimension, samples))
+    return found
 
 
 def _names(entries: object) -> list[str]:

@@ -6,8 +6,9 @@ import pytest
 
 from companion.research.campaign.run_store import Row
 from companion.research.evidence.encounter_drawing import passages
-from companion.research.evidence.encounter_tables import encounter_tables
-from companion.research.evidence.samples import Case, Sample
+from companion.research.evidence.encounter_tables import encounter_tables, overview_table
+from companion.research.evidence.evidence_tables import NONE
+from companion.research.evidence.samples import Case, Sample, evidence_from
 
 # With the service, alone, how much later, how fast they close.
 ENCOUNTERS = [
@@ -53,7 +54,29 @@ def test_events_are_counted_with_and_without(tables):
 def test_needless_detours_and_induced_losses_are_of_the_others(tables):
     ((_, encounters, detours, induced),) = texts(tables[1])
     assert (encounters, induced) == ("4", "1")
-    assert detours.startswith("1: 0.25 [")
+    assert detours.startswith("1 of 4: 0.25 [")
+
+
+def test_all_settings_are_counted_together_and_each_is_a_row_of_one_table(case):
+    rows = [
+        replace(row, setting=setting)
+        for setting in ("slow", "fast")
+        for row in case.samples["safe-rrt"].rows.values()
+    ]
+    seeds = sorted(case.samples["safe-rrt"].rows)
+    identity = {
+        "name": "made", "kind": "encounters", "missions": ["passing"], "settings": ["slow", "fast"],
+        "methods": ["safe-rrt"], "seeds": seeds,
+    }  # fmt: skip
+    table = texts(overview_table(evidence_from(rows, identity, {"passing": 3})))
+    assert [row[0] for row in table] == ["passing, slow", "passing, fast", "passing, all"]
+    for (name, _, num, nmac, loss, *_, detours), times in zip(table, (1, 1, 2), strict=True):
+        assert (num, nmac) == (str(8 * times), f"0 / 0: {NONE}"), name
+        assert loss.startswith(f"{2 * times} / {4 * times}: 0.5 [")
+        assert detours.startswith(f"{times} of {4 * times}: 0.25 [")
+    plans = evidence_from([], {**identity, "kind": "plans"}, {"passing": 3})
+    assert overview_table(plans) is None
+    assert [one.setting for one in plans.cases] == ["slow", "fast"]
 
 
 def test_losses_are_counted_by_closing_speed(tables):
