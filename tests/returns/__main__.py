@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 
-from tests.returns.return_flights import fly, is_bad, line_of
+from tests.returns.return_flights import ReturnFlight, fly, is_bad, line_of, scenario
 
 
 def main():
@@ -24,9 +24,20 @@ def main():
     seeds, bad = range(given.first_seed, given.first_seed + given.n), 0
     with given.out.open("w", encoding="utf-8") if given.out else nullcontext() as out:
         for is_with_path in (True, False)[: 1 + given.without]:
-            flown = partial(fly, is_with_path=is_with_path, autoland=given.autoland)
+            flown = partial(flown_or_error, is_with_path=is_with_path, autoland=given.autoland)
             bad += is_with_path * returned(flown, seeds, given.jobs, out, is_with_path=is_with_path)
     return int(bad > 0)
+
+
+def flown_or_error(seed, *, is_with_path, autoland):
+    """Fly a seed; a flight in which the service ends with an error is a bad one, and the next is flown."""
+    try:
+        return fly(seed, is_with_path=is_with_path, autoland=autoland)
+    except Exception as error:  # Whatever it is, it is what is looked for.
+        _, name, dialect, begun_s, is_killed, _ = scenario(seed)
+        flight = ReturnFlight(seed, name, dialect.value, begun_s, is_killed, is_with_path)
+        flight.ended = f"error: {error!r}"
+        return flight
 
 
 def returned(flown, seeds, jobs, out, *, is_with_path):
