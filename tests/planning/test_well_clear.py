@@ -8,6 +8,7 @@ import pytest
 
 from companion.planning import explore
 from companion.planning.comparators import METHODS
+from companion.planning.least_objective import short_cuts
 from companion.planning.solver import solve
 from tests.support.worlds import problem, track
 
@@ -83,3 +84,21 @@ def test_an_aircraft_that_is_hardly_slower_is_overtaken_above_cruise():
     assert path.speeds_m_s.max() > CRUISE_M_S + 1.0
     assert at_cruise.speeds_m_s.max() == pytest.approx(CRUISE_M_S)
     assert path.times_s[-1] < 0.6 * at_cruise.times_s[-1]
+
+
+def test_detours_find_cheaper_ways_past_a_fast_aircraft(monkeypatch):
+    """It flies 384 m/s and is met in 22 s: the cells of V, 180 m wide, say little of so short a time."""
+    seen = track(
+        10_062.0, 520.0, velocity=(-384.0, -26.0), airborne=True, up=239.0, radius=610.0, speed=384.0
+    )
+    spread = np.diag([60.0, 4.5, 66.0, 4.5])
+    other = replace(seen, flies_on=True, covariance=spread, clear_up_m=76.2, height_std_m=4.0)
+    asked = problem(
+        tracks=[other], dimension=3, start=(1262.0, 0.0, 250.0), direction=0.0, goal=(3000.0, 0.0, 250.0),
+        bounds=(-3000.0, 6000.0, -3500.0, 3500.0, 40.0, 500.0), sensing_horizon_m=11_000.0,
+    )  # fmt: skip
+    every = [replace(asked, seed=seed) for seed in range(4)]
+    ours = [solve(each).objective_s for each in every]
+    monkeypatch.setattr(short_cuts, "is_near_others", lambda *_: False)
+    without = [solve(each).objective_s for each in every]
+    assert np.mean(ours) < np.mean(without) - 5.0

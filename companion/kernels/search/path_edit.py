@@ -305,3 +305,19 @@ def fill_short_cut(
     if not is_clear(out, i + 1, at + 1, obstacles, limits):
         return 0, 0
     return m, at
+
+
+@kernel
+def fill_detour(
+    rows: PathRows, n: int, i: int, via: Float1D, j: int, limits: Limits, obstacles: Obstacles, out: PathRows
+) -> int:
+    """Replace rows ``i`` to ``j`` by Dubins edges over the pose ``via`` (6,) in ``out``, if that is possible.
+
+    Returns the new number of rows, or 0 if the edges cannot be flown or are not clear.
+    """
+    if abs(rows.states[i, 5] - rows.states[j, 5]) > SPEED_SPARE_M_S:
+        return 0
+    status, m, at = splice(rows, n, i, via, True, j, limits, out)
+    if status != JOINED or not is_flyable(out, m, i + 1, limits):
+        return 0
+    return m if is_clear(out, i + 1, at + 1, obstacles, limits) else 0

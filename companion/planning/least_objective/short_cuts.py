@@ -1,4 +1,4 @@
-"""Short cuts: stretches of a path are replaced by Dubins edges where that lowers J."""
+"""Short cuts and detours: stretches of a path are replaced by Dubins edges where that lowers J."""
 
 from __future__ import annotations
 
@@ -8,23 +8,25 @@ from collections.abc import Callable
 import numpy as np
 
 from companion.kernels.objective.row_costs import Objective, longest_seen
-from companion.kernels.search.path_edit import fill_short_cut
+from companion.kernels.search.path_edit import fill_detour, fill_short_cut
 from companion.kernels.workspace import PathRows, empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.least_objective.prices import objective_between
 from companion.planning.route import Route, assess_route, cost_between, pursuit_risk, visits_goals
 
 SPARE_ROWS = 64
-LEAST_GAIN_S = 1e-9  # A short cut that lowers J by less gains nothing.
+ASIDE = 0.5  # A detour is no wider than this share of its length: 27° to one side.
+LEAST_GAIN_S = 1e-9  # What lowers J by less gains nothing.
 
 
 def shortened_route(
     exploration: Exploration, objective: Objective, route: Route, should_stop: Callable[[], bool]
 ) -> tuple[Route, int]:
-    """Replace stretches of a route by Dubins edges where that lowers J; the route, and how many were.
+    """Replace stretches of a route by other edges where that lowers J; the route, and how many were.
 
-    Stretches are drawn at random, wide ones first. A route that keeps the limits is not replaced by one that
-    breaks any.
+    Stretches are drawn at random, wide ones first. Past aircraft that fly on, detours are tried before short
+    cuts: the tree follows V, whose cells are too coarse for a climb that is just steep enough. A route that
+    keeps the limits is not replaced by one that breaks any.
 
     Parameters
     ----------
@@ -35,27 +37,75 @@ def shortened_route(
     route : Route
         A path.
     should_stop : callable
-        Asked before each short cut whether the time is over.
+        Asked before each replacement whether the time is over.
     """
     problem, kept, out = exploration.problem, 0, room_for(route)
     rounds, risk_s = problem.settings.smooth_iterations, pursuit_risk(exploration, route).total_s
     is_within_limits = keeps_limits(exploration, objective, route)
-    for iteration in range(rounds):
+    detours = rounds if not exploration.is_pursued and is_near_others(objective, route) else 0
+    for iteration in range(-detours, rounds):
         n = len(route)
         if n < 4 or should_stop():
             break
-        i, j = drawn_stretch(exploration.rng, n, 1.0 - iteration / rounds)
-        cut = short_cut(exploration, route, i, j, out)
-        if cut is None or not visits_goals(cut[0].states, problem.goals):
+        i, cut = replaced(exploration, route, iteration / rounds, out)
+        if cut is None or not visits_goals(cut.states, problem.goals):
             continue
-        gain_s = objective_between(objective, route, i + 1) - objective_between(objective, cut[0], i + 1)
-        if gain_s <= LEAST_GAIN_S or (is_within_limits and not keeps_limits(exploration, objective, cut[0])):
+        gain_s = objective_between(objective, route, i + 1) - objective_between(objective, cut, i + 1)
+        if gain_s <= LEAST_GAIN_S or (is_within_limits and not keeps_limits(exploration, objective, cut)):
             continue
-        other_s = pursuit_risk(exploration, cut[0]).total_s
+        other_s = pursuit_risk(exploration, cut).total_s
         if other_s <= risk_s:
-            route, risk_s, kept = Route.of(out, len(cut[0])), other_s, kept + 1
+            route, risk_s, kept = Route.of(out, len(cut)), other_s, kept + 1
             out = room_for(route)
     return route, kept
+
+
+def replaced(
+    exploration: Exploration, route: Route, progress: float, out: PathRows
+) -> tuple[int, Route | None]:
+    """The first row of a random stretch, and the route with a detour or a short cut there, if it has one.
+
+    It is a detour while ``progress`` is negative; short cuts become narrower as it rises to 1.
+    """
+    rng = exploration.rng
+    i, j = drawn_stretch(rng, len(route), 1.0 - max(progress, 0.0))
+    if progress < 0.0:
+        i = int(i * rng.random() ** 2)  # Near others time is short: most detours begin early.
+        return i, detour(exploration, route, i, j, out)
+    cut = short_cut(exploration, route, i, j, out)
+    return i, None if cut is None else cut[0]
+
+
+def is_near_others(objective: Objective, route: Route) -> bool:
+    """Return whether a route costs something on account of other aircraft.
+
+    Parameters
+    ----------
+    objective : Objective
+        J.
+    route : Route
+        A path.
+    """
+    alone = objective._replace(prices=objective.prices._replace(pursued=0.0))
+    return objective_between(alone, route) < objective_between(objective, route)
+
+
+def detour(exploration: Exploration, route: Route, i: int, j: int, out: PathRows) -> Route | None:
+    """The route with Dubins edges from row ``i`` over a random place to ``j``, if flyable and clear.
+
+    The place is above, below or beside a row between them, at most as far as the aircraft can come until
+    there. The route lies in ``out`` (:func:`room_for`).
+    """
+    rng, limits, obstacles = exploration.rng, exploration.limits, exploration.problem.snapshot.obstacles
+    via = route.states[int(rng.integers(i + 1, j))].copy()
+    far_m = math.sqrt(rng.random()) * float(np.linalg.norm(via[:2] - route.states[i, :2]))
+    if limits.dimension == 3 and rng.random() < 0.5:
+        via[2] += far_m * rng.choice([-math.tan(limits.descent_max), math.tan(limits.climb_max)])
+    else:
+        via[:2] += ASIDE * far_m * rng.choice([-1.0, 1.0]) * np.array([-math.sin(via[3]), math.cos(via[3])])
+    via[4] = 0.0
+    m = fill_detour(route.rows, len(route), i, via, j, limits, obstacles, out)
+    return Route(out.states[:m], out.times[:m], out.rates[:m]) if m else None
 
 
 def drawn_stretch(rng: np.random.Generator, num_rows: int, share: float) -> tuple[int, int]:

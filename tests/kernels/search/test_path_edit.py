@@ -242,6 +242,21 @@ def test_a_short_cut_of_a_straight_line_is_none():
     assert s.fill_short_cut(straight_rows(41), 41, 5, 35, LIMITS, packed([]), empty_rows(80)) == (0, 0)
 
 
+def test_a_detour_leads_over_the_place_if_it_can_be_flown_and_is_clear():
+    straight, out = straight_rows(41), empty_rows(200)
+    via = np.array([500.0, 100.0, 200.0, 0.0, 0.0, 25.0])
+    m = s.fill_detour(straight, 41, 0, via, 35, LIMITS, packed([]), out)
+    assert m > 41
+    assert out.states[m - 6] == pytest.approx(straight.states[35])
+    assert out.states[m - 1] == pytest.approx(straight.states[40])
+    assert np.hypot(*(out.states[:m, :2] - via[:2]).T).min() == pytest.approx(0.0, abs=1e-6)
+    wall = packed([box("wall", 490.0, 90.0, 510.0, 110.0)])
+    assert s.fill_detour(straight, 41, 0, via, 35, LIMITS, wall, out) == 0
+    via[1] = 900.0
+    out_of_bounds = LIMITS._replace(bounds=np.array([-100.0, 2000.0, -100.0, 500.0, 0.0, 400.0]))
+    assert s.fill_detour(straight, 41, 0, via, 35, out_of_bounds, packed([]), out) == 0
+
+
 def test_a_ramp_by_hand():
     # From level over 0.2 rad back to level, at most 0.1 rad from one angle to the next, in five steps of
     # 25 m: 0, 0.1, 0.2, 0.2, 0.1, 0. Each step climbs at the mean of its ends' angles:
