@@ -99,6 +99,6 @@ def test_detours_find_cheaper_ways_past_a_fast_aircraft(monkeypatch):
     )  # fmt: skip
     every = [replace(asked, seed=seed) for seed in range(4)]
     ours = [solve(each).objective_s for each in every]
-    monkeypatch.setattr(short_cuts, "is_near_others", lambda *_: False)
+    monkeypatch.setattr(short_cuts, "loses_well_clear", lambda *_: False)
     without = [solve(each).objective_s for each in every]
     assert np.mean(ours) < np.mean(without) - 5.0

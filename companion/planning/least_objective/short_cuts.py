@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.kernels.objective.row_costs import Objective, longest_seen
+from companion.kernels.objective.row_costs import AT_SURFACE, Objective, longest_seen, pursuit_danger
 from companion.kernels.search.path_edit import fill_detour, fill_short_cut
 from companion.kernels.workspace import PathRows, empty_rows
 from companion.planning.explore import Exploration
@@ -24,9 +24,9 @@ def shortened_route(
 ) -> tuple[Route, int]:
     """Replace stretches of a route by other edges where that lowers J; the route, and how many were.
 
-    Stretches are drawn at random, wide ones first. Past aircraft that fly on, detours are tried before short
-    cuts: the tree follows V, whose cells are too coarse for a climb that is just steep enough. A route that
-    keeps the limits is not replaced by one that breaks any.
+    Stretches are drawn at random, wide ones first. A route that loses well clear of another aircraft gets
+    detours before short cuts: the tree follows V, and its cells are too coarse for a climb that is just steep
+    enough. A route that keeps the limits is not replaced by one that breaks any.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def shortened_route(
     problem, kept, out = exploration.problem, 0, room_for(route)
     rounds, risk_s = problem.settings.smooth_iterations, pursuit_risk(exploration, route).total_s
     is_within_limits = keeps_limits(exploration, objective, route)
-    detours = rounds if not exploration.is_pursued and is_near_others(objective, route) else 0
+    detours = rounds if not exploration.is_pursued and loses_well_clear(objective, route) else 0
     for iteration in range(-detours, rounds):
         n = len(route)
         if n < 4 or should_stop():
@@ -76,18 +76,20 @@ def replaced(
     return i, None if cut is None else cut[0]
 
 
-def is_near_others(objective: Objective, route: Route) -> bool:
-    """Return whether a route costs something on account of other aircraft.
+def loses_well_clear(objective: Objective, route: Route) -> bool:
+    """Return whether a route leads into the well clear volume of an aircraft that flies on.
 
     Parameters
     ----------
     objective : Objective
         J.
     route : Route
-        A path.
+        A path that no pursuer threatens.
     """
-    alone = objective._replace(prices=objective.prices._replace(pursued=0.0))
-    return objective_between(alone, route) < objective_between(objective, route)
+    if not len(objective.game.vehicles):
+        return False
+    rows = zip(route.states, route.times, strict=True)
+    return any(pursuit_danger(row[0], row[1], row[2], time, objective) >= AT_SURFACE for row, time in rows)
 
 
 def detour(exploration: Exploration, route: Route, i: int, j: int, out: PathRows) -> Route | None:
