@@ -29,6 +29,7 @@ _SECTIONS = (
     "takeover",
     "energy",
     "terrain",
+    "team",
 )
 _SIMULATION = """\
 # Weather of the simulator; it matters for companion sitl only.
