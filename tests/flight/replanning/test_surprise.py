@@ -28,7 +28,7 @@ LONG = (
 CHANGED_S, AHEAD_M = 20.0, 600.0  # just after a plan
 PERIOD_S = 0.5
 QUICK_S = 0.1
-WHILE_SEARCHING, WHILE_WAITING = 42, 25  # Seeds: a search is under way, a mission waits.
+WHILE_SEARCHING, WHILE_WAITING = 195, 42  # Seeds: a search is under way, a mission waits.
 
 
 def ahead(harness):
@@ -155,7 +155,7 @@ def answered():
 
 
 def test_a_vehicle_that_turns_towards_the_path_ends_the_search_under_way(answered):
-    """One search in some dozens of flights is under way just then; that of this seed is."""
+    """One search in some forty flights is under way just then; that of this seed is."""
     took_s, reasons = answered(Dialect.PX4, WHILE_SEARCHING)
     assert took_s <= 1.6
     (reason,) = reasons
