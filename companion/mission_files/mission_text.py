@@ -19,18 +19,12 @@ from companion.plain_text import printable
 DESCRIPTION_MAX = 500
 DIGITS = 9  # Of a degree: a tenth of a millimetre.
 _NAME_MAX, _SHORT_NAME_MAX, _MISSION_NAME_MAX = 64, 24, 64
-_SECTIONS = (
-    "vehicle",
-    "planning",
-    "simulation",
-    "link",
-    "use_by",
-    "authority",
-    "takeover",
-    "energy",
-    "terrain",
-    "team",
-)
+# What is made anew from the places; every other section of a mission is kept as it is.
+_WRITTEN_HERE = {
+    "name", "description", "dimension", "unit_m", "origin", "bounds", "start", "goals", "radars",
+    "dynamic_threats", "obstacles", "glide",
+}  # fmt: skip
+_SECTIONS = tuple(name for name in MissionConfig.model_fields if name not in _WRITTEN_HERE)
 _SIMULATION = """\
 # Weather of the simulator; it matters for companion sitl only.
 simulation:
