@@ -44,13 +44,17 @@ class _Clients:
 
     def receive(self, channel: Channel, data: bytes) -> None:
         self._simulator.receive_on(channel, data)
+        if self._simulator.autopilot.answers_at_once:
+            self._send(channel)
 
     def flush(self) -> None:
         self._simulator.take_outgoing()  # The simulator's own channel has no client.
-        for channel, send in list(self._senders.items()):
-            data = channel.take()
-            if data:
-                send(data)
+        for channel in list(self._senders):
+            self._send(channel)
+
+    def _send(self, channel: Channel) -> None:
+        if data := channel.take():
+            self._senders[channel](data)
 
 
 class _Datagrams(asyncio.DatagramProtocol):

@@ -36,6 +36,11 @@ class Dialect(Enum):
         return self is Dialect.PX4
 
     @property
+    def items_at_once(self) -> int:
+        """Number of items of a list that are requested, or sent, at once; a PX4 takes one at a time."""
+        return 6 if self is Dialect.ARDUPILOT else 1
+
+    @property
     def sets_current_by_command(self) -> bool:
         """Whether it understands DO_SET_MISSION_CURRENT; else it understands MISSION_SET_CURRENT."""
         return self is Dialect.ARDUPILOT

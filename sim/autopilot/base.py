@@ -91,6 +91,9 @@ class Autopilot(ABC):
 
     # Ids of messages that a client gets at 1 Hz without a request.
     default_streams: tuple[int, ...] = ()
+    # Whether it answers when a message arrives, as a PX4 does (2.2 ms from an item to the next request,
+    # measured), or in the next turn of its loop of 20 ms, as an ArduPlane does.
+    answers_at_once = False
 
     def __init__(
         self, flight: Flight, projection: FastProjection, parameters: Parameters, home: Home

@@ -48,7 +48,8 @@ class UploadRun:
         self.now_s = 0.0
         self.items = tuple(item_numbered(first + n) for n in range(count))
         self.round_trip = RoundTrip()
-        self.upload = Upload(self.items, self.round_trip, 0.0, lambda: self._may_finish)
+        window = 1 + 5 * (first % 2)  # As for a PX4, and for an ArduPlane.
+        self.upload = Upload(self.items, self.round_trip, 0.0, lambda: self._may_finish, window)
         self.sent = set()
 
     def steps(self):

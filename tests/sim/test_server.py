@@ -13,6 +13,7 @@ from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import LinkError
+from companion.types.events import Dialect
 from sim.server import address_of, serve
 from sim.simulator import Simulator
 from tests.sim.client import plain_mission
@@ -163,3 +164,30 @@ def test_a_port_in_use_is_a_link_error():
         taken.listen()
         with pytest.raises(LinkError):
             asyncio.run(serve(simulator, f"tcp://127.0.0.1:{taken.getsockname()[1]}"))
+
+
+@pytest.mark.parametrize(("dialect", "is_at_once"), [(Dialect.PX4, True), (Dialect.ARDUPILOT, False)])
+def test_a_px4_answers_at_once_and_an_arduplane_in_its_next_turn(dialect, is_at_once):
+    """The real ones ask for the next item after 2.2 ms and 20 ms; here no turn comes within a minute."""
+    simulator = Simulator(plain_mission(), seed=1, dialect=dialect)
+    port = free_port(socket.SOCK_STREAM)
+    mav = mavlink.MAVLink(None, srcSystem=255)
+    count = mavlink.MAVLink_mission_count_message(1, 1, 3).pack(mav)
+
+    async def session() -> bool:
+        server = asyncio.create_task(serve(simulator, f"tcp://127.0.0.1:{port}", speed=1.0 / 3000.0))
+        await asyncio.sleep(0.1)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(count)
+        try:
+            async with asyncio.timeout(20.0 if is_at_once else 0.2):
+                messages = mavlink.MAVLink(None).parse_buffer(await reader.read(4096))
+            return [message.get_type() for message in messages] == ["MISSION_REQUEST_INT"]
+        except TimeoutError:
+            return False
+        finally:
+            writer.close()
+            server.cancel()
+            await asyncio.gather(server, return_exceptions=True)
+
+    assert asyncio.run(session()) is is_at_once

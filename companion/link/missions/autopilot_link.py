@@ -40,7 +40,6 @@ _COMMAND_TIMEOUT_S = 4.5  # A command is repeated for this time until it is answ
 _REPEAT_MIN_S, _REPEAT_MAX_S = 0.5, 1.5  # PX4 reports a new item in its next MISSION_CURRENT, within 1 s.
 _TICK_S = 0.04  # Interval between checks whether an item must be sent again.
 REST_MAX_S = 2.0  # The rest of an upload that is not wanted any more is sent for at most this time.
-_WINDOW = 6  # Items requested at once from an ArduPlane. A PX4 answers one at a time.
 
 
 class AutopilotLink:
@@ -199,7 +198,8 @@ class AutopilotLink:
         gives_way: bool = False,
     ) -> int:
         async with self._exchange(gives_way=gives_way):
-            upload = Upload(items, self._round_trip, self._clock.now_s(), may_finish)
+            window = self._require_autopilot().items_at_once
+            upload = Upload(items, self._round_trip, self._clock.now_s(), may_finish, window)
             first = items[0].sequence
 
             def frame_of(number: int) -> bytes:
@@ -226,12 +226,13 @@ class AutopilotLink:
             If it could not be read completely.
         """
         async with self._exchange(gives_way=gives_way):
-            return await self._read_list("download", _WINDOW, MissionType.MISSION, num_left_out)
+            return await self._read_list("download", MissionType.MISSION, num_left_out)
 
     async def _read_list(
-        self, operation: str, window: int, kind: MissionType, num_left_out: int = 0
+        self, operation: str, kind: MissionType, num_left_out: int = 0
     ) -> tuple[MissionItem, ...]:
-        """Read one of the autopilot's lists, requesting ``window`` items at once."""
+        """Read one of the autopilot's lists."""
+        window = self._require_autopilot().items_at_once
         reading = MissionDownload(self._round_trip, self._clock.now_s(), window, kind, num_left_out)
 
         def frame_of(number: int) -> bytes:
@@ -332,8 +333,7 @@ class AutopilotLink:
             If it could not be read completely.
         """
         async with self._transfer_lock:
-            window = 1 if self._require_autopilot().swaps_whole_lists else _WINDOW
-            return await self._read_list("fence", window, MissionType.FENCE)
+            return await self._read_list("fence", MissionType.FENCE)
 
     async def download_rally_points(self) -> tuple[MissionItem, ...]:
         """Read the autopilot's rally points.

@@ -4,12 +4,14 @@ Theory of operation. The autopilot requests one item at a time, and repeats a re
 (ArduPlane 1 s, PX4 0.25 s). The sender must therefore repeat earlier::
 
     opening ──first request──▶ sending ──ACK──▶ done
-       │  ▲ repeats the opening     │  ▲ request n: sends item n
-       └──┘                         └──┘ no request in time: sends items n and n+1
+       │  ▲ repeats the opening     │  ▲ request n: sends the unsent items of the window n … n+w-1
+       └──┘                         └──┘ no request in time: sends the items n … n+w again
 
-The item after the requested one is sent as well, since the next request may have been lost. An ArduPlane that
-has item n accepts n+1 without a request; one that lacks item n refuses n+1 with INVALID_SEQUENCE and waits. A
-PX4 ignores it. The last item is never sent before ``may_finish`` allows it.
+An ArduPlane that has item n accepts n+1 without a request; it takes all that arrived in one turn of its loop
+of 20 ms. One that lacks item n refuses the later ones with INVALID_SEQUENCE and waits. A PX4 ignores items
+that it did not request, so its window is one item. A repetition includes the item after the window, since the
+autopilot may have the whole window, and only its requests were lost. The last item is never sent before
+``may_finish`` allows it.
 
 A download requests several items at once if the autopilot supports it (ArduPlane), and repeats the requests
 for missing items.
@@ -22,6 +24,7 @@ MAVLink developer guide, "Mission Protocol"; RFC 6298 for the time after which t
 from __future__ import annotations
 
 import itertools
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -35,6 +38,8 @@ from companion.types.mavlink_enums import MissionResult, MissionType, name_of
 from companion.types.mission import MissionItem
 
 OPENING = -1  # In place of an item number: the message that begins a transfer.
+# An ArduPlane's answers to an item that was sent twice. They may arrive after the next transfer has begun.
+_LATE = frozenset({MissionResult.ERROR, MissionResult.INVALID_SEQUENCE})
 # Silence of the autopilot that ends a transfer. An ArduPlane gives up after 8 s, a PX4 after 5 s.
 TRANSFER_TIMEOUT_S = 7.0
 REPEAT_MIN_S, REPEAT_MAX_S = 0.12, 1.5
@@ -92,6 +97,8 @@ class Upload:
         Clock reading at which the transfer begins [s].
     may_finish : callable, optional
         Called before each sending of the last item; if it returns false, the upload ends as withdrawn.
+    window : int
+        Number of items sent at once.
 
     Attributes
     ----------
@@ -107,19 +114,21 @@ class Upload:
         round_trip: RoundTrip,
         now_s: float,
         may_finish: Callable[[], bool] | None = None,
+        window: int = 1,
     ) -> None:
         self.failure: str | None = None
         self.opaque_id = 0
         self._first, self._last = items[0].sequence, items[-1].sequence
+        self._window = window
         self._round_trip = round_trip
         self._may_finish = may_finish
         self._requested: int | None = None
+        self._unsent = self._first  # Lowest number that was not sent since the last repetition.
         self._is_open = False
         self._received_s = self._due_s = now_s
         self._sent_s: dict[int, float] = {}
         self._first_sent_s: dict[int, float] = {}
         self._repeated: set[int] = set()
-        self._queue: list[int] = []
 
     def abandon(self) -> None:
         """Fail at once."""
@@ -131,12 +140,8 @@ class Upload:
             self.failure = "TIMEOUT"
         if self.failure is not None:
             return []
-        if now_s >= self._due_s:
-            self._due_s = now_s + self._round_trip.repeat_s
-            self._queue += self._repetition()
-        queue, self._queue = self._queue, []
         leaving: list[int] = []
-        for number in dict.fromkeys(queue):
+        for number in self._wanted(now_s):
             if number == self._last and self._may_finish is not None and not self._may_finish():
                 self.failure = "WITHDRAWN"
                 return leaving
@@ -147,10 +152,17 @@ class Upload:
             leaving.append(number)
         return leaving
 
-    def _repetition(self) -> list[int]:
+    def _wanted(self, now_s: float) -> Sequence[int]:
+        """Return the numbers in the window that were not sent; after a silence, all of it and the next."""
+        is_silent = now_s >= self._due_s
+        if is_silent:
+            self._due_s = now_s + self._round_trip.repeat_s
         if self._requested is None:
-            return [self._first] if self._is_open else [OPENING]
-        return [number for number in (self._requested, self._requested + 1) if number <= self._last]
+            opening = self._first if self._is_open else OPENING
+            return [opening] if is_silent else []
+        begin = self._requested if is_silent else max(self._unsent, self._requested)
+        self._unsent = max(self._unsent, self._requested + self._window)
+        return range(begin, min(self._unsent + is_silent, self._last + 1))
 
     def note_request(self, question: MissionItemRequest, now_s: float) -> None:
         """Take the autopilot's request for an item."""
@@ -159,13 +171,15 @@ class Upload:
         if not self._first <= question.sequence <= self._last:
             return
         before = OPENING if question.sequence == self._first else question.sequence - 1
-        if before in self._sent_s and question.sequence not in self._sent_s:
+        is_new = self._requested is None or question.sequence > self._requested
+        if is_new and before in self._sent_s:
             self._round_trip.note_first_answer(now_s - self._first_sent_s[before])
             if before not in self._repeated:
                 self._round_trip.note_answer(now_s - self._sent_s[before])
         self._requested = question.sequence
+        if not is_new:
+            self._unsent = question.sequence
         self._received_s, self._due_s = now_s, now_s + self._round_trip.repeat_s
-        self._queue.append(question.sequence)
 
     def note_ack(self, ack: MissionAck, now_s: float) -> None:
         """Take the autopilot's acknowledgement, or its complaint about a repeated item."""
@@ -173,10 +187,14 @@ class Upload:
             return
         if ack.result == MissionResult.INVALID_SEQUENCE and self._requested is not None:
             self._received_s = now_s
+            if now_s - self._sent_s.get(self._requested, -math.inf) > self._round_trip.shortest_s:
+                self._unsent = self._requested  # It was lost, and the items after it were refused.
         elif ack.result == MissionResult.DENIED and OPENING in self._repeated:
             # The opening was accepted and its request lost: ArduPlane denies a second opening, and requests
             # the first item again after 1 s.
             self._is_open, self._received_s = True, now_s
+        elif ack.result in _LATE and self._requested is None and OPENING not in self._repeated:
+            pass  # It answers an earlier transfer; otherwise the next opening is refused as well.
         elif ack.result != MissionResult.ACCEPTED:
             self.failure = name_of(MissionResult, ack.result)
         elif self._last in self._sent_s:  # Otherwise it acknowledges an earlier transfer.
@@ -223,6 +241,7 @@ class MissionDownload:
         self._num_left_out = num_left_out
         self._received_s = now_s
         self._count: int | None = None
+        self._num_openings = 0
         self._due_s = now_s
         self._items: dict[int, MissionItem] = {}
         self._lowest = 0  # All items below this number have arrived.
@@ -249,6 +268,7 @@ class MissionDownload:
             if now_s < self._due_s:
                 return []
             self._due_s = now_s + self._round_trip.repeat_s
+            self._num_openings += 1
             return [OPENING]
         return self._missing(self._count, now_s)
 
@@ -293,9 +313,8 @@ class MissionDownload:
 
     def note_ack(self, ack: MissionAck, now_s: float) -> None:
         """Take a refusal of the autopilot."""
-        if (
-            self.failure is None
-            and ack.mission_type == self.mission_type
-            and ack.result != MissionResult.ACCEPTED
-        ):
+        if self.failure is not None or ack.mission_type != self.mission_type:
+            return
+        is_late = ack.result in _LATE and self._count is None and self._num_openings < 2
+        if ack.result != MissionResult.ACCEPTED and not is_late:
             self.failure, self._received_s = name_of(MissionResult, ack.result), now_s

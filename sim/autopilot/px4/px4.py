@@ -40,8 +40,7 @@ _CAPABILITIES = (
     | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
     | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
 )
-_VERSION_1_17_DEV = 0x01110000
-_NO_MISSION, _SECOND_US = 65535, 1_000_000
+_VERSION_1_17_DEV, _NO_MISSION, _SECOND_US = 0x01110000, 65535, 1_000_000
 _CHECK_US = 80_000  # Time from an upload to its check; a mode that is requested meanwhile is not entered.
 _REACHED_REPEATS, _TRAFFIC_FLAGS = 10, 63  # Of the flags, bits 0 to 5 are kept.
 _FINITE_LIMIT_M = 100_000.0
@@ -59,6 +58,7 @@ class Px4(MissionPilot):
     """
 
     default_streams = (1, 2, 24, 30, 33, 74, 87, 230, 231, 242, 245)
+    answers_at_once = True
 
     def __init__(
         self, flight: Flight, projection: FastProjection, parameters: Parameters, home: Home

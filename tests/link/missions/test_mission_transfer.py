@@ -35,6 +35,7 @@ from companion.link.wire.decoded_frame import (
 )
 from companion.link.wire.framing import frames_in
 from companion.mission.item_difference import difference
+from companion.types.mavlink_enums import MissionResult
 from sim.autopilot.arduplane.arduplane_store import MissionStore
 from sim.autopilot.arduplane.arduplane_transfer import MissionTransfer
 from sim.autopilot.channel import Channel
@@ -277,6 +278,49 @@ def test_a_reading_asks_for_several_items_at_once():
     _, took_s = asyncio.run(body(0.2))
     # Length, then 14 items in windows of 6: four round trips of 0.4 s and steps; one by one it were 6 s.
     assert took_s < 5 * 0.5
+
+
+def test_an_arduplane_is_sent_several_items_at_once():
+    """Written: the opening, then six items in each round trip; one by one, fourteen items took 5.7 s."""
+    _, _, took_s = asyncio.run(written(ArduPlane(), 1, **(GOOD | {"delay_s": 0.2})))
+    # The opening, then 14 items in windows of 6: four round trips of 0.4 s, and steps of 0.02 s.
+    assert took_s < 4 * 0.4 + 10 * STEP_S
+
+
+def test_unsent_items_of_the_window_are_sent_and_after_a_silence_all_of_it_and_the_next():
+    upload = Upload(ITEMS, RoundTrip(), 0.0, window=3)
+    upload.due(0.0)
+    upload.note_request(MissionItemRequest(0, 0), 0.1)
+    assert list(upload.due(0.1)) == [0, 1, 2]
+    upload.note_request(MissionItemRequest(2, 0), 0.2)  # It has 0 and 1.
+    assert list(upload.due(0.2)) == [3, 4]
+    assert list(upload.due(2.0)) == [2, 3, 4, 5]
+    upload.note_request(MissionItemRequest(4, 0), 2.1)
+    assert list(upload.due(2.1)) == [5, 6]
+
+
+def test_items_behind_a_lost_one_are_sent_again_once_they_are_refused():
+    trip = RoundTrip()
+    upload = Upload(ITEMS, trip, 0.0, window=3)
+    upload.due(0.0)
+    upload.note_request(MissionItemRequest(0, 0), 0.05)
+    assert list(upload.due(0.05)) == [0, 1, 2]
+    for refused_s in (0.105, 0.106):  # Item 0 was lost; 1 and 2 are refused.
+        upload.note_ack(MissionAck(refused_s, MissionResult.INVALID_SEQUENCE, 0, 0), refused_s)
+        assert list(upload.due(refused_s)) == ([0, 1, 2] if refused_s == 0.105 else [])
+
+
+@pytest.mark.parametrize("late", [MissionResult.ERROR, MissionResult.INVALID_SEQUENCE])
+def test_a_refusal_of_an_item_of_the_transfer_before_does_not_end_the_next(late):
+    """An ArduPlane refuses an item that was sent twice, after the upload is complete (measured)."""
+    upload, reading = Upload(ITEMS, RoundTrip(), 0.0), MissionDownload(RoundTrip(), 0.0, 6)
+    for transfer in (upload, reading):
+        assert transfer.due(0.0) == [-1]
+        transfer.note_ack(MissionAck(0.02, late, 0, 0), 0.02)
+        assert transfer.failure is None
+        assert transfer.due(1.0) == [-1]
+        transfer.note_ack(MissionAck(1.1, late, 0, 0), 1.1)  # So is the second opening.
+        assert transfer.failure == late.name
 
 
 def test_an_acknowledgement_from_before_ends_nothing():
