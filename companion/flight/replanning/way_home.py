@@ -42,7 +42,9 @@ LOOK_S = 2.0  # Period with which the return path is judged.
 # to there a return that begins on the flown path joins it without a turn.
 AHEAD_S = (20.0, 10.0, 30.0, 5.0)
 RENEWED_S = 12.0  # A return path is renewed when it covers the flown path for less than this time.
-AGAIN_S = 6.0  # After a return path could not be made or stored, it is tried again after this time.
+# After a return path could not be made or stored, it is tried again after this time; after `LOOK_S` if the
+# stored one ends sooner.
+AGAIN_S = 6.0
 FAILURES_MAX = 5  # An autopilot that refuses this often in a row is not asked again.
 STOP_S = 1.0  # An exchange that should end is cancelled after this time.
 
@@ -90,7 +92,7 @@ class WayHome:
             self._energy.note_last_way_home(math.inf)
             return
         found = await self._planned(state, ownship)
-        self._next_s = parts.clock.now_s() + AGAIN_S
+        self._next_s = parts.clock.now_s() + (LOOK_S if 0.0 < covers_s <= AGAIN_S else AGAIN_S)
         if found is None:
             return
         left = self._energy.now(parts.clock.now_s())
