@@ -415,6 +415,11 @@ def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> flo
     return true_airspeed_m_s * math.sqrt(density_ratio(altitude_amsl_m))
 
 
+def true_airspeed(equivalent_airspeed_m_s: float, altitude_amsl_m: float) -> float:
+    """Return the true airspeed of an equivalent airspeed [m/s]; see :func:`equivalent_airspeed`."""
+    return equivalent_airspeed_m_s / math.sqrt(density_ratio(altitude_amsl_m))
+
+
 def density_ratio(altitude_amsl_m: float) -> float:
     """Return the air density divided by that at sea level, by the International Standard Atmosphere.
 

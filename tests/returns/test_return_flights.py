@@ -30,6 +30,14 @@ def test_a_landing_sequence_is_joined_at_its_start_with_the_service_killed():
 
 
 @pytest.mark.slow
+def test_a_return_is_judged_at_the_cruise_to_which_the_autopilot_accelerates():
+    """The mission flew 4 % slower than the autopilot's cruise, and the turn at the path's start is wider."""
+    flight = fly(7294, autoland=2)
+    assert flight.has_path
+    assert not is_bad(flight)
+
+
+@pytest.mark.slow
 def test_a_path_that_slows_down_is_judged_at_both_airspeeds_to_the_end_of_each_flight():
     """Slowed down at once, a mission of this flight takes a second longer, and breaks a rule in it."""
     flight = fly(4325)

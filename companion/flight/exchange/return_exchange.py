@@ -29,7 +29,7 @@ from companion.mission.list_layout import TwoBankLayout
 from companion.mission.return_bank import RETURN_ITEMS, armed, blank_bank, is_armed
 from companion.types.mission import Command, MissionItem
 
-PART_ITEMS = 4  # Items that are written at once: about 0.1 s.
+PART_ITEMS = 4  # Items that are written at once: about 0.05 s.
 STOPPED = "another exchange is due"
 
 

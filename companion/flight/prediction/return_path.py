@@ -28,9 +28,10 @@ from companion.flight.construction.loiter_circles import circle_of, place_of
 from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.state.flight_state import FlightState
-from companion.frames import FloatArray, wrapped_angle
+from companion.frames import FloatArray, speed_made_good, wrapped_angle
 from companion.mission.list_layout import TwoBankLayout
 from companion.mission.return_bank import followed, joined_item
+from companion.mission.waypoints import true_airspeed
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
 from companion.types.state import Ownship
@@ -107,12 +108,28 @@ def return_tracks(
     home, height = state.home_enu_m, state.settings.return_height_m
     if home is None or height is None or is_unpredictable(state):
         return None
+    ownship = _at_cruise(state, ownship)
     if state.flies_by:
         return _arduplane_tracks(state, ownship, _arduplane_end(state, ownship, home))
     if state.settings.return_kind == BY_MISSION:
         return None if current is None else _tracks_by_mission(state, ownship, current)
     end = _px4_end(state, ownship, home)
     return _px4_tracks(state, ownship, end, max(ownship.position_enu_m[2], end[2] + height))
+
+
+def _at_cruise(state: FlightState, ownship: Ownship) -> Ownship:
+    """Return the aircraft at the airspeed of a return, the autopilot's cruise, unless it is faster now.
+
+    The faster aircraft turns wider. A mission's airspeed ends with the mission mode (``Mode::enter``).
+    """
+    airspeed = true_airspeed(
+        state.settings.airspeed_cruise_m_s or 0.0,
+        float(state.mission.origin.altitude_amsl_m) + ownship.position_enu_m[2],
+    )
+    if airspeed <= ownship.airspeed_m_s:
+        return ownship
+    over_ground = speed_made_good(ownship.course_rad, airspeed, ownship.wind_enu_m_s)
+    return replace(ownship, airspeed_m_s=airspeed, ground_speed_m_s=over_ground)
 
 
 def is_unpredictable(state: FlightState) -> bool:
@@ -165,7 +182,7 @@ def tracks_by_return_path(
         East, north, up along each track [m], the most likely first; empty without a return path.
     """
     frame, home_amsl_m = state.mission.frame, state.mission_list.home_amsl_m
-    start = start_of_return(state)
+    start, ownship = start_of_return(state), _at_cruise(state, ownship)
     joined = None if start is None else joined_item(items, frame, home_amsl_m, ownship.position_enu_m, start)
     return [] if joined is None else _tracks_over(state, ownship, followed(items, joined), passes=False)
 

@@ -70,6 +70,16 @@ def test_the_radius_of_the_circle_is_rtl_radius_where_that_is_given():
     assert 300.0 - 6.0 <= radius <= 1.15 * 300.0
 
 
+@pytest.mark.parametrize(("airspeed", "flown"), [(18.0, 25.84), (30.0, 30.0)])
+def test_a_return_is_flown_at_the_autopilots_cruise_unless_the_aircraft_is_faster(airspeed, flown):
+    """By hand: 684 m above the sea the air is 0.9360 times as dense: 25 / 0.9360**0.5 = 25.84 m/s."""
+    made_state = made(replace(ARDUPLANE, airspeed_cruise_m_s=25.0))
+    assert float(made_state.mission.origin.altitude_amsl_m) == 584.0
+    here = replace(HERE, airspeed_m_s=airspeed, ground_speed_m_s=airspeed)
+    steps_m = np.linalg.norm(np.diff(way_of(made_state, here)[:, :2], axis=0), axis=1)
+    assert np.median(steps_m) / 0.5 == pytest.approx(flown, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("changes", "rally", "north_m"),
     [
