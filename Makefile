@@ -16,7 +16,8 @@ SEEDS ?= 2
 SEED ?= 1
 # Processes that share the tests: as many as there are processors, unless it is said.
 JOBS ?= logical
-QUICK := not slow and not bench and not real and not page and not mavproxy
+WHOLE := not slow and not bench and not real and not page and not mavproxy
+QUICK := $(WHOLE) and not thorough
 # Tests of kernels, which numba hides from coverage where it compiles them.
 PLAIN := tests/kernels
 COVERAGE_MIN ?= 92
@@ -61,9 +62,9 @@ test: warm ## run the test suite, in JOBS processes
 
 coverage: warm ## branch coverage: kernels as Python, then the whole suite compiled; fails below COVERAGE_MIN
 	rm -f .coverage .coverage.*
-	NUMBA_DISABLE_JIT=1 COVERAGE_FILE=.coverage.plain $(BIN)/pytest -q -m '$(QUICK) and not compiled' \
+	NUMBA_DISABLE_JIT=1 COVERAGE_FILE=.coverage.plain $(BIN)/pytest -q -m '$(WHOLE) and not compiled' \
 		-n $(JOBS) --dist loadgroup --cov --cov-report= $(PLAIN)
-	COVERAGE_FILE=.coverage.compiled $(BIN)/pytest -q -m '$(QUICK)' -n $(JOBS) --dist loadgroup --cov --cov-report=
+	COVERAGE_FILE=.coverage.compiled $(BIN)/pytest -q -m '$(WHOLE)' -n $(JOBS) --dist loadgroup --cov --cov-report=
 	$(BIN)/coverage combine -q
 	$(BIN)/coverage report --fail-under=$(COVERAGE_MIN)
 
@@ -92,7 +93,7 @@ explore: $(STAMP) ## run the property tests with examples that were never tried 
 	HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -m 'hypothesis and not slow' -n $(JOBS) --dist loadgroup
 
 test-long: $(STAMP) ## run the tests that take long
-	$(BIN)/pytest -q -m slow
+	$(BIN)/pytest -q -m 'slow or thorough'
 
 ground: $(STAMP) ## fly N random missions over real and generated ground
 	$(BIN)/python -m tests.ground -n $(N) --jobs $(patsubst logical,2,$(JOBS))

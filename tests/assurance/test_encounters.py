@@ -153,6 +153,7 @@ def test_sight_agrees_with_points_on_the_line(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.thorough
 def test_time_in_reach_and_in_sight_agrees_with_fine_sampling(seed):
     rng = np.random.default_rng(seed)
     world, _ = random_world(rng)

@@ -165,6 +165,7 @@ def test_without_a_simulator_sitl_says_what_to_install(companion, monkeypatch):
         ("jsbsim", "sim", "sitl", ["--headless"]),
     ],
 )
+@pytest.mark.thorough
 def test_a_package_that_is_not_installed(tmp_path, monkeypatch, package, extra, command, options):
     monkeypatch.chdir(tmp_path)
     given = tmp_path if command == "report" else FIRST_FLIGHT

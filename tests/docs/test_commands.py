@@ -182,6 +182,7 @@ BLOCKS = first_pages()
 
 
 @pytest.mark.parametrize("page", BLOCKS, ids=lambda page: page.name)
+@pytest.mark.thorough
 def test_every_command_of_a_page_works(page, reader):
     for block in BLOCKS[page]:
         reader.run(block)

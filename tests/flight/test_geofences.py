@@ -89,6 +89,7 @@ KEPT_AND_NOT = [(Dialect.ARDUPILOT, False), (Dialect.ARDUPILOT, True), (Dialect.
 
 
 @pytest.mark.parametrize(("dialect", "is_set"), KEPT_AND_NOT)
+@pytest.mark.thorough
 def test_a_circle_about_home_that_is_a_parameter_is_kept_within(dialect, is_set):
     """The shorter way round a wall leads out of it; it is told after the first plan."""
     text = PLAIN.replace("{east_m: 1750, north_m: 750", "{east_m: 2000, north_m: 900")
@@ -124,6 +125,7 @@ def fenced_by(harness, radius_m, height_m):
 
 
 @pytest.mark.parametrize(("dialect", "is_set"), KEPT_AND_NOT)
+@pytest.mark.thorough
 def test_a_ceiling_that_is_a_parameter_is_kept_below(dialect, is_set):
     """A wall in the way is lower than the bounds, and higher than the ceiling."""
     text = PLAIN.replace("dimension: 2", "dimension: 3").replace("up_m: [60, 160]", "up_m: [60, 260]")

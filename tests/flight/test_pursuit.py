@@ -11,6 +11,7 @@ pytestmark = pytest.mark.compiled
 GAME = ("route", 13)  # its pursuer threatens whoever flies the shortest way
 
 
+@pytest.mark.thorough
 def test_the_aircraft_that_knows_its_pursuer_is_never_threatened_and_the_others_are():
     ours, printed, blind = (played(*GAME, planner) for planner in ("ours", "rs", "blind"))
     assert ours.is_won

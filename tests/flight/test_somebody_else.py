@@ -74,6 +74,7 @@ def engine_stops(harness):
 
 @BOTH
 @pytest.mark.parametrize("stops_s", [30.0, 49.3, 61.2])
+@pytest.mark.thorough
 def test_an_engine_that_stops_is_told_within_five_seconds(dialect, stops_s):
     harness = SitlHarness(VALLEY, dialect=dialect).fly(stops_s + 6.0, at(stops_s, engine_stops))
     told = [stamp for stamp, text in texts(harness) if text.startswith("NO THRUST")]
@@ -90,6 +91,7 @@ def test_a_failsafe_is_not_called_a_pilot(dialect):
     assert not [text for text in told if text.startswith("Planner paused")]
 
 
+@pytest.mark.thorough
 def test_a_return_that_hits_is_told_ten_seconds_before_and_what_is_advised_keeps_clear():
     """Straight home from here leads through the knoll, twenty seconds later."""
     home = at(100.0, lambda harness: harness.simulator.autopilot.fail_safe("RTL"))
@@ -110,6 +112,7 @@ def test_a_return_that_hits_is_told_ten_seconds_before_and_what_is_advised_keeps
 
 
 @pytest.mark.parametrize("taken_s", [42.0, 48.0, 54.0, 66.0, 72.0])
+@pytest.mark.thorough
 def test_after_safe_a_handback_within_ten_seconds_hits_nothing(taken_s):
     """The pilot circles; whenever the pilot's last word was safe, AUTO is chosen ten seconds after it."""
     looked = SitlHarness(VALLEY).fly(taken_s + 60.0, switch(taken_s, "LOITER"))

@@ -41,6 +41,7 @@ def assert_it_is_known(mission, dialect, num_places, *, is_compared=True):
 
 
 @BOTH
+@pytest.mark.thorough
 def test_where_it_will_be_in_half_a_minute_is_known_in_the_wind(dialect):
     assert_it_is_known(GATES, dialect, 24, is_compared=dialect is Dialect.ARDUPILOT)
 

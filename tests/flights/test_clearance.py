@@ -16,6 +16,7 @@ GUST_M = 2.5  # of clearance_min_m, in moderate turbulence
 
 @pytest.mark.parametrize("seed", [42, 44, 45])
 @pytest.mark.parametrize("dialect", list(Dialect), ids=lambda dialect: dialect.value)
+@pytest.mark.thorough
 def test_corners_are_flown_clear_of_walls(dialect, seed):
     mission = load_mission(TAILWIND)
     flight = Flight(mission, seed, dialect=dialect)

@@ -12,6 +12,7 @@ def flight_by_beeline(packages, name):
     return fly(mission.model_copy(update={"planning": planning}), 1)
 
 
+@pytest.mark.thorough
 def test_a_path_through_walls_reaches_no_autopilot_and_safe_rrt_flies_instead(packages):
     flight = flight_by_beeline(packages, "paper-2d")
     kinds = [entry.kind for entry in flight.recorder.decisions]

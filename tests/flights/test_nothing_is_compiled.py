@@ -4,12 +4,15 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 from companion.kernels.native.ready import make_ready
 from tests.support.ready_flights import FLIGHTS
 
 DECIDED = {"handed back": "handback", "surprised": "emergency", "in the plane": "arrived", "PX4": "arrived"}
 
 
+@pytest.mark.thorough
 def test_no_flight_compiles_anything_and_all_do_without_the_compiler():
     """They run where compiling raises, and end with a plan for an emergency."""
     make_ready()

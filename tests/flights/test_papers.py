@@ -78,6 +78,7 @@ def test_what_hides_by_hand():
     assert not hides(*line, shapely.box(40.0, 1.0, 60.0, 5.0), 0.0, 300.0)
 
 
+@pytest.mark.thorough
 def test_in_space_radars_that_are_sensed_on_the_way_are_hidden_from():
     """A planner by the paper's (9) was seen for 102 s; one that held any path out of reach, for 32 s."""
     flight = shipped("paper-3d", 1)

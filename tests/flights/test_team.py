@@ -33,6 +33,7 @@ def test_two_that_fly_towards_each_other_agree_to_pass_apart(dialect):
         assert not any("heard, too" in decision.text for decision in flight.recorder.decisions)
 
 
+@pytest.mark.thorough
 def test_without_messages_they_nearly_meet():
     team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.0, shares=False)
     assert not team.is_separate

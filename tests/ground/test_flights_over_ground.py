@@ -84,6 +84,7 @@ def test_a_step_down_that_arduplane_makes_at_once_keeps_the_least_height():
     assert flight.least_m > LEAST_M - 3.0
 
 
+@pytest.mark.thorough
 def test_who_knows_no_ground_flies_into_the_ridge():
     _, flight = flown("ridge", Dialect.ARDUPILOT, 330.0, knows_ground=False)
     assert flight.simulator.truth.collision

@@ -4,12 +4,14 @@ import re
 import sys
 
 import numpy as np
+import pytest
 import rasterio
 from rasterio.transform import from_origin
 
 from tests.ground import map_pairs
 
 
+@pytest.mark.thorough
 def test_pairs_over_a_plain_are_all_joined(tmp_path, monkeypatch, capsys):
     file = tmp_path / "plain.tif"
     layout = from_origin(780_000.0, 190_000.0, 25.0, 25.0)

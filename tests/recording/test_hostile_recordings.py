@@ -149,6 +149,7 @@ LONG = "chunks of empty messages"
 @pytest.mark.parametrize(
     "bomb", [pytest.param(BOMBS[name], id=name, marks=[pytest.mark.slow] * (name == LONG)) for name in BOMBS]
 )
+@pytest.mark.thorough
 def test_a_small_file_does_not_fill_the_memory(tmp_path, bomb):
     """A file of 197 kB took 6.3 GiB."""
     folder = flight(tmp_path / "flight", *bomb())
@@ -263,6 +264,7 @@ def test_a_recording_that_says_strange_things_of_itself(tmp_path, key):
         assert len(load_recording(folder / "flight.tlog").frames) == 6
 
 
+@pytest.mark.thorough
 def test_report_and_replay_of_what_is_strange_end_with_an_exit_code_and_no_trace(tmp_path):
     records = [message("/ownship", ownship(stamp_s=stamp)) for stamp in (0.0, 1.0, 2.0)]
     strange = [entry for topic in KEYS for entry in strange_messages(topic)]
@@ -286,6 +288,7 @@ def test_a_recording_without_a_mission_that_can_be_read_is_named(tmp_path, compa
 
 
 @pytest.mark.parametrize("name", ["flight.mcap", "flight.tlog"])
+@pytest.mark.thorough
 def test_a_pipe_in_the_place_of_a_recording_is_refused(tmp_path, name):
     folder = flight(tmp_path / "flight")
     (folder / name).unlink()
@@ -313,6 +316,7 @@ NOISE = {
 
 
 @pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
+@pytest.mark.thorough
 def test_a_telemetry_log_of_any_content_is_read_once_and_in_little_memory(tmp_path, noise):
     """Counted in places looked at, since a test asks for no time."""
     file = tmp_path / "a.tlog"

@@ -21,6 +21,7 @@ def test_by_the_checked_path_it_touches_nothing_with_the_service_killed(seed):
     assert straight.touched
 
 
+@pytest.mark.thorough
 def test_a_landing_sequence_is_joined_at_its_start_with_the_service_killed():
     """RTL_AUTOLAND 2, by which ArduPlanes before 4.7 return as well."""
     flight = fly(2, autoland=2)

@@ -101,6 +101,7 @@ def test_an_encounter_flown_twice_gives_the_same_row_and_what_was_drawn():
     assert flown_encounter(mission, model, 3, spread=1.0, dialect=Dialect.PX4) == outcome
 
 
+@pytest.mark.thorough
 def test_a_campaigns_encounter_is_flown_alone_and_with_the_aircraft():
     campaign = load_campaign(CONFIGS.parent / "campaigns" / "encounters.yaml")
     run = next(run for run in campaign.runs if run.setting == "only losses of well clear")
@@ -117,6 +118,7 @@ def test_a_campaigns_encounter_is_flown_alone_and_with_the_aircraft():
 
 
 @pytest.mark.parametrize("name", ["remote_id", "utm"])
+@pytest.mark.thorough
 def test_well_clear_is_kept_however_the_aircraft_is_reported(name):
     """The encounter of the campaign, whose flight alone loses well clear."""
     mission = load_mission(CONFIGS.parent / "campaigns" / "encounters" / "passing.yaml")
@@ -127,6 +129,7 @@ def test_well_clear_is_kept_however_the_aircraft_is_reported(name):
     assert (row["without.lowc"], row["lowc"], row["success"]) == (True, False, True)
 
 
+@pytest.mark.thorough
 def test_a_scenario_is_flown_clear_before_there_is_anything_to_tell():
     """Head on, with 150 m between the ways: the other aircraft at 60 m/s, ours at 25 m/s."""
     rows = []

@@ -13,6 +13,7 @@ def kinds():
 
 
 @pytest.mark.parametrize("number", list(kinds()))
+@pytest.mark.thorough
 def test_a_flight_without_one_of_its_senses_ends_in_no_obstacle(number):
     _, how, waited_s, _ = sensed_flight(number)
     assert how == "goal"

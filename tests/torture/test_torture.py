@@ -93,6 +93,7 @@ def test_the_judge_flies_at_the_airspeed_that_is_commanded(course_deg):
         pytest.param("paper-2d", Dialect.ARDUPILOT, 30428, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.thorough
 def test_random_schedules_on_narrow_maps(dialect, world, seed):
     verdict, _ = random_flight(dialect, seed, world)
     assert verdict.violations == []
@@ -121,6 +122,7 @@ def test_the_positions_broken_at_lie_in_the_exchange():
     ids=str,
 )
 @BOTH
+@pytest.mark.thorough
 def test_one_fault_all_along(dialect, faults):
     verdict, _ = fly(dialect, 1, Schedule(((5.0, 40.0, faults),)), duration_s=30.0)
     assert verdict.violations == []
@@ -152,6 +154,7 @@ def test_swaps_that_keep_failing_are_announced_as_an_emergency_step(dialect):
 
 
 @pytest.mark.parametrize("kind", [each for each in FaultKind if each is not FaultKind.UPLOADER])
+@pytest.mark.thorough
 def test_one_fault(kind):
     event = Event(12.0, 18.0, kind, 3.0)
     verdict, _ = fly(Dialect.ARDUPILOT, 1, Schedule((), (event,)), duration_s=35.0)

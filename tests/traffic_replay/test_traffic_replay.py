@@ -40,6 +40,7 @@ def piece(**keywords):
 
 
 @pytest.mark.parametrize("step_s", [1, 10])
+@pytest.mark.thorough
 def test_an_aircraft_that_would_come_near_is_announced_before(step_s):
     told = flown(piece(step_s=step_s), "through", 3)
     assert not told.is_wrong, told
@@ -50,6 +51,7 @@ def test_an_aircraft_that_would_come_near_is_announced_before(step_s):
 
 
 @pytest.mark.parametrize("how", ["far", "as high as recorded"])
+@pytest.mark.thorough
 def test_an_aircraft_that_stays_away_changes_nothing(how):
     text = recording().replace(f",{ALTITUDE_FT},", ",9000.0,")
     (high,) = pieces_of("high", recorded_from_text(text, "high.csv"), 1e3)
@@ -60,6 +62,7 @@ def test_an_aircraft_that_stays_away_changes_nothing(how):
 
 
 @pytest.mark.parametrize("leap", [{"leap_up_ft": -2_000.0}, {"leap_deg": 0.5}])
+@pytest.mark.thorough
 def test_a_report_that_cannot_be_true_changes_nothing(leap):
     there = piece(leap_s=LEAP_S, **leap)
     assert list(leap_fixes(there)) == [LEAP_S]
@@ -69,6 +72,7 @@ def test_a_report_that_cannot_be_true_changes_nothing(leap):
     assert told.alerts_s == []
 
 
+@pytest.mark.thorough
 def test_the_command_prints_what_it_flew(tmp_path, capsys):
     path = tmp_path / "made-up.csv"
     path.write_text(recording(), encoding="utf-8")

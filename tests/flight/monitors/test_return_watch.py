@@ -38,6 +38,7 @@ def test_where_it_was_called_not_safe_it_hits(begun_s):
     assert has_hit
 
 
+@pytest.mark.thorough
 def test_with_a_checked_path_in_the_autopilot_nothing_is_announced():
     harness = SitlHarness(VALLEY, dialect=Dialect.ARDUPILOT)
     harness.simulator.autopilot.parameters["RTL_AUTOLAND"] = 4.0

@@ -160,6 +160,7 @@ def built(first_build, tmp_path):
     return shutil.copytree(first_build, tmp_path / "built")
 
 
+@pytest.mark.thorough
 def test_no_stale_kernel_runs_and_no_other_is_compiled_again(built):
     first = kept(built)
     assert {name.partition("-")[0] for name in first} == {"caller", "called"}
@@ -191,6 +192,7 @@ def test_what_would_have_to_be_compiled_is_named_where_that_is_refused(tmp_path)
     }
 
 
+@pytest.mark.thorough
 def test_several_processes_may_fill_it_at_once(tmp_path):
     module_of(tmp_path / "module", KERNELS)
     environment = {
@@ -207,6 +209,7 @@ def test_several_processes_may_fill_it_at_once(tmp_path):
 
 
 @pytest.mark.parametrize("damage", [lambda raw: raw[:-100], lambda raw: b"", lambda raw: raw[:-1] + b"\0"])
+@pytest.mark.thorough
 def test_a_damaged_file_is_compiled_again(built, damage):
     files = {path: path.read_bytes() for path in (built / "cache" / "kernels").glob("*.o")}
     for path, raw in files.items():

@@ -92,6 +92,7 @@ def of_threats():
     return [getattr(module, name) for name in (*NAMES, "success_over_exposures", "turned_away")]
 
 
+@pytest.mark.thorough
 def test_many_are_compiled_by_other_processes_and_each_is_told(monkeypatch, tmp_path):
     monkeypatch.setattr(build, "kernel_store", lambda: Store(tmp_path / "kernels"))
     (tmp_path / "kernels").mkdir()

@@ -11,6 +11,7 @@ LONG = [pytest.param(kind, 1_000, marks=pytest.mark.slow) for kind in ("discover
 
 
 @pytest.mark.parametrize(("kind", "number"), [*KINDS.items(), *LONG])
+@pytest.mark.thorough
 def test_a_call_that_is_cancelled_at_any_moment_ends_alone(kind, number):
     done = subprocess.run(
         [sys.executable, "-m", "tests.link.missions.mavsdk_endings", kind, str(number)],

@@ -88,6 +88,7 @@ def test_a_fault_is_a_row_and_what_is_no_number_was_not_measured(file, made_by, 
     assert "cores" in good.machine
 
 
+@pytest.mark.thorough
 def test_a_run_that_takes_its_process_with_it_is_tried_twice_and_then_a_row(file, made_by, tmp_path):
     made_by("Deadly")
     file.write_text(SPEC.replace("safe-rrt, ", "").replace("seeds: 30", "seeds: 5"), encoding="utf-8")

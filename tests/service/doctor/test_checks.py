@@ -253,6 +253,7 @@ def test_whole_numbers_of_px4_are_read_as_they_lie_in_memory():
     assert next(finding for finding in findings if finding.check == "MIS_TKO_LAND_REQ").found == "2"
 
 
+@pytest.mark.thorough
 def test_losses_are_counted_and_slow_streams_told():
     toss = random.Random(1)
 

@@ -134,6 +134,7 @@ def test_whatever_hangs_is_unhealthy_and_its_stack_is_told_at_the_managers_signa
     manager.close()
 
 
+@pytest.mark.thorough
 def test_a_planner_that_does_not_return_stops_the_watchdog_and_sigterm_still_ends_it(tmp_path):
     port, manager = free_port(), Manager(watchdog_s=2.0)
     with simulator(port), service(port, tmp_path, environment=manager.environment, before=WEDGED) as running:

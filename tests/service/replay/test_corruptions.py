@@ -18,6 +18,7 @@ UTC_S = 1.795e9
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", RECORDINGS)
+@pytest.mark.thorough
 def test_a_few_corruptions_of_a_part(name, kind, tmp_path):
     part = part_of(name.removesuffix(".tlog"), tmp_path / "part.tlog").read_bytes()
     mission, num_lost = mission_for(name), 0

@@ -187,6 +187,7 @@ def test_a_folder_without_a_recording_is_named(tmp_path, companion_command):
     "damage", [lambda mcap: b"", lambda mcap: bytes(range(256)) * 40, lambda mcap: mcap[:100]],
     ids=["empty", "random", "cut"],
 )  # fmt: skip
+@pytest.mark.thorough
 def test_an_mcap_that_tells_nothing_makes_no_flight_equal(damage, tmp_path, companion_command):
     folder, _ = recorded("first-flight", 3, Dialect.PX4)
     shutil.copytree(folder, tmp_path / "flight")
@@ -229,6 +230,7 @@ def test_what_is_no_recording_is_named(data, tmp_path, companion_command):
         assert "flight.tlog: no frame of MAVLink in it" in done.err
 
 
+@pytest.mark.thorough
 def test_what_is_another_than_flown_is_said_before_the_difference(tmp_path, companion_command, monkeypatch):
     folder, _ = recorded("first-flight", 3, Dialect.PX4)
     same = companion_command("replay", folder / "flight.tlog", folder / "mission.yaml")

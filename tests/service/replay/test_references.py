@@ -69,6 +69,7 @@ def test_replays_as_before(name, request, tmp_path):
     assert lines == expected, f"\n{told}"
 
 
+@pytest.mark.thorough
 def test_slow_threads_of_mavsdk_change_nothing(request, tmp_path, monkeypatch):
     delays_s = [0.6, 0.6, 0.6]
     call_in_loop = mavsdk_reader._call_in_loop

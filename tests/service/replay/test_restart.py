@@ -36,6 +36,7 @@ class RestartedService(SitlHarness):
 
 
 @pytest.mark.parametrize("dialect", Dialect)
+@pytest.mark.thorough
 def test_a_restart_in_flight_is_replayed_from_its_own_recording(dialect, tmp_path):
     def kill(harness):
         harness.is_killed = harness.is_killed or (len(harness.apps) == 1 and harness.now_s >= KILLED_S)
