@@ -290,11 +290,12 @@ class Replanning:
     async def _respond(self, failed: PlanRun, request: PlanRequest, track_s: float) -> None:
         """Carry out and announce the first possible emergency step, because no plan passes.
 
-        It is urgent if a path of the service is flown, because that path does not pass.
+        It is urgent if a path of the service is flown, because that path does not pass. No step is needed if
+        the last goal was reached meanwhile, or another member of the team flies there.
         """
         now = self._clock.now_s()
         ownship = self._world_model.ownship.state(now)
-        if ownship is None:
+        if ownship is None or not self._flight.state.goals_left:
             return
         is_surprised = self._schedule.is_urgent or bool(self._surprises.look(now, at_once=True))
         least_gain = self._least_gain(is_urgent=is_surprised)
