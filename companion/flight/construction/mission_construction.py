@@ -55,6 +55,8 @@ from companion.world.ground.autopilot_ground import AutopilotGround
 from companion.world.vehicle.guidance import Track
 
 HORIZONS = 3.0  # A mission carries the path of so many time horizons: beyond, threats are still to be sensed.
+# In a team it carries more: the others keep clear of the circle at its end, which would often bar their way.
+TEAM_HORIZONS = 6.0
 HOT_STRETCH = 1.12  # In air 30 K warmer than the standard, ArduPlane flies circles so much wider.
 ENDS_MAX = 12  # So many ends are simulated at each airspeed.
 SHORTEST_ROWS = 12  # A mission that covers less of the path is over before the next plan is made.
@@ -153,7 +155,8 @@ def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: b
     is_whole : bool
         Whether the mission should cover the whole path, as far as it fits.
     """
-    wanted_s = math.inf if is_whole else HORIZONS * state.rules.time_horizon_s
+    horizons = HORIZONS if state.mission.team is None else TEAM_HORIZONS
+    wanted_s = math.inf if is_whole else horizons * state.rules.time_horizon_s
     last = len(path) - 1
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted_s)))
     ends = [row, *range(row + 2, last, 2), last, *range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)]
