@@ -160,29 +160,6 @@ def straight_violations(
         last_sign, last_edge = signs[k], int(k)
 
 
-def missed_goals(path: Path, goals: Sequence[tuple[Sequence[float], float]]) -> Iterator[Violation]:
-    """Check that a path passes goals in their order; only the first that it misses is yielded.
-
-    Parameters
-    ----------
-    path : Path
-        The path.
-    goals : sequence of (sequence of float, float)
-        East, north, up of each goal, and the distance within which it counts as passed [m].
-    """
-    row = 0
-    for place_enu_m, radius_m in goals:
-        away = np.linalg.norm(path.positions_enu_m[row:] - np.asarray(place_enu_m), axis=1)
-        near = np.flatnonzero(away <= radius_m + GOAL_TOLERANCE_M)
-        if not len(near):
-            nearest = int(away.argmin())
-            yield Violation(
-                "goal", row + nearest, float(away[nearest]), radius_m, "distance to a goal on the way [m]"
-            )
-            return
-        row += int(near[0])
-
-
 def goal_violations(path: Path, goal_enu_m: Sequence[float], radius_m: float) -> Iterator[Violation]:
     """Check that the last row is at the goal.
 

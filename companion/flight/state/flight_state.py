@@ -37,8 +37,7 @@ from typing import Concatenate, ParamSpec
 
 import numpy as np
 
-from companion.assurance.edges import missed_goals
-from companion.assurance.violation import Violation, keeps_hard_constraints
+from companion.assurance.violation import Violation, keeps_hard_constraints, missed_goals
 from companion.config import MissionConfig
 from companion.config.rules import Rules, rules_of
 from companion.flight.state.flight_phase import (

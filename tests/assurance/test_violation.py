@@ -2,7 +2,7 @@
 
 import pytest
 
-from companion.assurance.edges import missed_goals
+from companion.assurance.violation import missed_goals
 from tests.support.paths import straight_path
 
 PATH = straight_path(num=11)  # rows at north 0, 25, …, 250 m
