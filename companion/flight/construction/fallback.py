@@ -60,7 +60,7 @@ def flown_violations(state: FlightState, start: Start) -> tuple[Violation, ...] 
     if state.flown is None:
         return None
     if state.flies_to_goal:
-        return None if start.rest is None else state.violations_of(start.rest)
+        return None if start.rest is None else state.violations_of_rest(start.rest)
     return construct_until(state, state.flown.path, len(state.flown.path) - 1).violations
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from companion.assurance.violation import keeps_hard_constraints
 from companion.clock import Clock
 from companion.config.rules import Rules
 from companion.flight.messages.observer import Observer
@@ -86,10 +87,11 @@ def _request(
     purpose: str, state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool
 ) -> PlanRequest:
     """Return a request for a plan to the remaining goals."""
-    keeps_all, keeps_hard = (True, False) if start.rest is None else state.keeps_limits(start.rest)
+    found = () if start.rest is None else state.violations_of_rest(start.rest)
+    keeps_hard = start.rest is not None and keeps_hard_constraints(found)
     return PlanRequest(
         purpose, state.rules, state.goals_left, start, keeps_hard, snapshot, is_urgent,
-        is_failing=not keeps_all,
+        is_failing=bool(found),
     )  # fmt: skip
 
 

@@ -120,7 +120,7 @@ class SurpriseWatch:
         rest, risk = start.rest, start.risk
         if rest is None or risk is None:
             return ""
-        level, violations = float(rest.threat_levels.max()), state.violations_of(rest)
+        level, violations = float(rest.threat_levels.max()), state.violations_of_rest(rest)
         was_safe, self.is_failing = self._is_safe, bool(violations)
         if was_safe is None:
             self._is_safe = risk.total_s <= SAFE_S

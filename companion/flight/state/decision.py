@@ -189,7 +189,7 @@ class _Case:
     @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:
         """Violations of the rest of the flown path."""
-        return () if self.start.rest is None else self.state.violations_of(self.start.rest)
+        return () if self.start.rest is None else self.state.violations_of_rest(self.start.rest)
 
     @cached_property
     def violations(self) -> tuple[Violation, ...]:

@@ -37,7 +37,7 @@ from typing import Concatenate, ParamSpec
 
 import numpy as np
 
-from companion.assurance.violation import Violation, keeps_hard_constraints, missed_goals
+from companion.assurance.violation import Violation
 from companion.config import MissionConfig
 from companion.config.rules import Rules, rules_of
 from companion.flight.state.flight_phase import (
@@ -210,14 +210,13 @@ class FlightState:
         return self.rules.vehicle.turn_radius_in(math.hypot(*self.wind_enu_m_s))
 
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
-        """Return the violations of a path that should pass the goals left, and reach the last one."""
-        passed = [(goal.position_enu_m, goal.acceptance_radius_m) for goal in self.goals[self.next_goal : -1]]
-        return (*self.violations_to(next(reversed(self.goals), None), path), *missed_goals(path, passed))
+        """Return the violations of a path that should reach the last goal."""
+        return self.violations_to(self.goals[-1] if self.goals else None, path)
 
-    def keeps_limits(self, path: Path) -> tuple[bool, bool]:
-        """Return whether a path to the last goal keeps all limits, and all but threat and quality."""
-        found = self.violations_of(path)
-        return not found, keeps_hard_constraints(found)
+    def violations_of_rest(self, rest: Path) -> tuple[Violation, ...]:
+        """Return the violations of the rest of the flown path, which should also pass the goals left."""
+        missed = () if self.flown is None else self.flown.missed(self.goals[self.next_goal : -1])
+        return (*self.violations_of(rest), *missed)
 
     def violations_to(self, goal: GoalRegion | None, path: Path) -> tuple[Violation, ...]:
         """Return the violations of a path in the present wind; it should reach the goal if one is given."""
