@@ -20,7 +20,7 @@ from companion.assurance.emergency import (
 from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.construction.mission_construction import construct, construct_until
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.progress import Start
+from companion.flight.state.progress import Start, violations_of_rest
 from companion.frames import course_from_direction
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import GoalRegion, StartState, rows_at_goals
@@ -60,7 +60,7 @@ def flown_violations(state: FlightState, start: Start) -> tuple[Violation, ...] 
     if state.flown is None:
         return None
     if state.flies_to_goal:
-        return None if start.rest is None else state.violations_of_rest(start.rest)
+        return None if start.rest is None else violations_of_rest(state, start.rest)
     return construct_until(state, state.flown.path, len(state.flown.path) - 1).violations
 
 

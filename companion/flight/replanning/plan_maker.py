@@ -8,13 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from companion.assurance.violation import keeps_hard_constraints
 from companion.clock import Clock
 from companion.config.rules import Rules
 from companion.flight.messages.observer import Observer
 from companion.flight.replanning.plan_schedule import PlanSchedule
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.progress import Start, budget_s
+from companion.flight.state.progress import Start, budget_s, keeps_limits
 from companion.planning.plan_runner import PlanBrokenOffError, PlanRunner, PlanTiming, StopRule
 from companion.planning.problem import GoalRegion, Problem
 from companion.planning.solver import solve_in_flight
@@ -87,11 +86,10 @@ def _request(
     purpose: str, state: FlightState, start: Start, snapshot: Snapshot, *, is_urgent: bool
 ) -> PlanRequest:
     """Return a request for a plan to the remaining goals."""
-    found = () if start.rest is None else state.violations_of_rest(start.rest)
-    keeps_hard = start.rest is not None and keeps_hard_constraints(found)
+    keeps_all, keeps_hard = (True, False) if start.rest is None else keeps_limits(state, start.rest)
     return PlanRequest(
         purpose, state.rules, state.goals_left, start, keeps_hard, snapshot, is_urgent,
-        is_failing=bool(found),
+        is_failing=not keeps_all,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from companion.config.rules import Rules
 from companion.flight.exchange.list_reader import ListReader
 from companion.flight.state.flight_state import FlightState, StateOwner
-from companion.flight.state.progress import Start, as_of_now
+from companion.flight.state.progress import Start, as_of_now, violations_of_rest
 from companion.flight.state.world_model import WorldModel
 from companion.flight.takeover.start_prediction import begin
 from companion.token_bucket import TokenBucket
@@ -120,7 +120,7 @@ class SurpriseWatch:
         rest, risk = start.rest, start.risk
         if rest is None or risk is None:
             return ""
-        level, violations = float(rest.threat_levels.max()), state.violations_of_rest(rest)
+        level, violations = float(rest.threat_levels.max()), violations_of_rest(state, rest)
         was_safe, self.is_failing = self._is_safe, bool(violations)
         if was_safe is None:
             self._is_safe = risk.total_s <= SAFE_S

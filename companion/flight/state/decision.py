@@ -16,7 +16,7 @@ from functools import cached_property
 
 from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.flight_state import FlightState
-from companion.flight.state.progress import Start
+from companion.flight.state.progress import Start, violations_of_rest
 from companion.mission.glide.glide_coverage import coverage_of_path
 from companion.types.path import Path
 from companion.types.plan import Plan
@@ -189,7 +189,7 @@ class _Case:
     @cached_property
     def rest_violations(self) -> tuple[Violation, ...]:
         """Violations of the rest of the flown path."""
-        return () if self.start.rest is None else self.state.violations_of_rest(self.start.rest)
+        return () if self.start.rest is None else violations_of_rest(self.state, self.start.rest)
 
     @cached_property
     def violations(self) -> tuple[Violation, ...]:

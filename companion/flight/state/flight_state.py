@@ -181,10 +181,8 @@ class FlightState:
         back. The goals that the flight continues after are narrowed most.
         """
         left = self.goals[self.next_goal :]
-        num_passed = len(left) if self.tail_enu_m is not None else len(left) - 1
-        shares = [
-            NARROWED_SHARE if number < num_passed else NARROWED_LAST_SHARE for number in range(len(left))
-        ]
+        num_passed = len(left) if self.tail_enu_m is not None else max(len(left) - 1, 0)
+        shares = [NARROWED_SHARE] * num_passed + [NARROWED_LAST_SHARE] * (len(left) - num_passed)
         return tuple(
             replace(goal, acceptance_radius_m=share * goal.acceptance_radius_m)
             for goal, share in zip(left, shares, strict=True)
@@ -212,11 +210,6 @@ class FlightState:
     def violations_of(self, path: Path) -> tuple[Violation, ...]:
         """Return the violations of a path that should reach the last goal."""
         return self.violations_to(self.goals[-1] if self.goals else None, path)
-
-    def violations_of_rest(self, rest: Path) -> tuple[Violation, ...]:
-        """Return the violations of the rest of the flown path, which should also pass the goals left."""
-        missed = () if self.flown is None else self.flown.missed(self.goals[self.next_goal : -1])
-        return (*self.violations_of(rest), *missed)
 
     def violations_to(self, goal: GoalRegion | None, path: Path) -> tuple[Violation, ...]:
         """Return the violations of a path in the present wind; it should reach the goal if one is given."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.config.rules import Rules
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
 from companion.frames import direction_from_course
@@ -176,3 +177,15 @@ def start_at(
         estimate_covariance=np.zeros((6, 6)),
     )
     return Start(begin, None)
+
+
+def violations_of_rest(state: FlightState, rest: Path) -> tuple[Violation, ...]:
+    """Return the violations of the rest of the flown path, which should also pass the goals left."""
+    missed = () if state.flown is None else state.flown.missed(state.goals[state.next_goal : -1])
+    return (*state.violations_of(rest), *missed)
+
+
+def keeps_limits(state: FlightState, rest: Path) -> tuple[bool, bool]:
+    """Return whether the rest of the flown path keeps all limits, and all but threat and quality."""
+    found = violations_of_rest(state, rest)
+    return not found, keeps_hard_constraints(found)
