@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.frames import FloatArray
-from companion.types.path import Path
 
 BoolArray = NDArray[np.bool_]
 
@@ -105,26 +104,3 @@ def outside(
 def keeps_hard_constraints(violations: Sequence[Violation]) -> bool:
     """Return whether the violations break only the limits of threat level or quality."""
     return all(violation.rule in SOFT_RULES for violation in violations)
-
-
-def missed_goals(path: Path, goals: Sequence[tuple[Sequence[float], float]]) -> Iterator[Violation]:
-    """Check that a path passes goals in their order; only the first that it misses is yielded.
-
-    Parameters
-    ----------
-    path : Path
-        The path.
-    goals : sequence of (sequence of float, float)
-        East, north, up of each goal, and the distance within which it counts as passed [m].
-    """
-    row = 0
-    for place_enu_m, radius_m in goals:
-        away = np.linalg.norm(path.positions_enu_m[row:] - np.asarray(place_enu_m), axis=1)
-        near = np.flatnonzero(away <= radius_m)
-        if not len(near):
-            nearest = int(away.argmin())
-            yield Violation(
-                "goal", row + nearest, float(away[nearest]), radius_m, "distance to a goal on the way [m]"
-            )
-            return
-        row += int(near[0])

@@ -6,17 +6,14 @@ A frozen value, and functions that return the next one. Nothing here waits or ta
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from companion.assurance.violation import Violation, missed_goals
 from companion.mission.item_difference import difference
 from companion.mission.list_layout import BANK_EXTRAS, BANK_ITEMS_MAX, Layout, TwoBankLayout
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
 from companion.mission.waypoints import Waypoints
-from companion.planning.problem import GoalRegion
 from companion.types.events import MissionCurrent
 from companion.types.mission import Mission, MissionItem
 from companion.types.path import Path
@@ -67,11 +64,6 @@ class FlownPath:
     covered_until_s: float
     row: int = 0
     cost: float = math.inf
-
-    def missed(self, goals: Sequence[GoalRegion]) -> tuple[Violation, ...]:
-        """Return the first of these goals that the path, from the aircraft on, does not pass; () if none."""
-        passed = [(goal.position_enu_m, goal.acceptance_radius_m) for goal in goals]
-        return tuple(missed_goals(self.path.since(self.row), passed))
 
     def covered_s(self, row: int) -> float:
         """Return how long the mission continues from a row of the path [s]; infinite to its end."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from companion.config.rules import Rules
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
 from companion.frames import direction_from_course
 from companion.mission.path_progress import progress_on, rest_of_path, time_at
-from companion.planning.problem import Problem, StartState, initial_covariances
+from companion.planning.problem import GoalRegion, Problem, StartState, initial_covariances, rows_at_goals
 from companion.planning.route import reassessed
 from companion.tracking.ownship import predicted
 from companion.types.path import Path
@@ -181,8 +182,22 @@ def start_at(
 
 def violations_of_rest(state: FlightState, rest: Path) -> tuple[Violation, ...]:
     """Return the violations of the rest of the flown path, which should also pass the goals left."""
-    missed = () if state.flown is None else state.flown.missed(state.goals[state.next_goal : -1])
-    return (*state.violations_of(rest), *missed)
+    found, flown = state.violations_of(rest), state.flown
+    if flown is None:
+        return found
+    return (*found, *missed_goal(flown.path.since(flown.row), state.goals[state.next_goal : -1]))
+
+
+def missed_goal(path: Path, goals: Sequence[GoalRegion]) -> tuple[Violation, ...]:
+    """Return the first of some goals that a path does not pass in their order; () if it passes all."""
+    rows = rows_at_goals(path.positions_enu_m, goals)
+    if len(rows) == len(goals):
+        return ()
+    goal, first = goals[len(rows)], max(rows, default=0)
+    away = np.linalg.norm(path.positions_enu_m[first:] - np.asarray(goal.position_enu_m), axis=1)
+    nearest = int(away.argmin())
+    what = "distance to a goal on the way [m]"
+    return (Violation("goal", first + nearest, float(away[nearest]), goal.acceptance_radius_m, what),)
 
 
 def keeps_limits(state: FlightState, rest: Path) -> tuple[bool, bool]:

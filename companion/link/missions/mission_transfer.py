@@ -26,7 +26,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from companion.link.wire.decoded_frame import (
     MissionAck,
@@ -82,6 +82,11 @@ class RoundTrip:
         if self._mean_s is None:
             return _FIRST_REPEAT_S
         return min(REPEAT_MAX_S, max(REPEAT_MIN_S, self._mean_s + 4.0 * self._spread_s))
+
+
+def _is_late(ack: MissionAck, repeated: Collection[int], *, is_open: bool) -> bool:
+    """Return whether a refusal may answer an earlier transfer; if not, the next opening is refused, too."""
+    return ack.result in _LATE and not is_open and OPENING not in repeated
 
 
 class Upload:
@@ -193,8 +198,8 @@ class Upload:
             # The opening was accepted and its request lost: ArduPlane denies a second opening, and requests
             # the first item again after 1 s.
             self._is_open, self._received_s = True, now_s
-        elif ack.result in _LATE and self._requested is None and OPENING not in self._repeated:
-            pass  # It answers an earlier transfer; otherwise the next opening is refused as well.
+        elif _is_late(ack, self._repeated, is_open=self._requested is not None):
+            pass
         elif ack.result != MissionResult.ACCEPTED:
             self.failure = name_of(MissionResult, ack.result)
         elif self._last in self._sent_s:  # Otherwise it acknowledges an earlier transfer.
@@ -241,7 +246,6 @@ class MissionDownload:
         self._num_left_out = num_left_out
         self._received_s = now_s
         self._count: int | None = None
-        self._num_openings = 0
         self._due_s = now_s
         self._items: dict[int, MissionItem] = {}
         self._lowest = 0  # All items below this number have arrived.
@@ -268,7 +272,9 @@ class MissionDownload:
             if now_s < self._due_s:
                 return []
             self._due_s = now_s + self._round_trip.repeat_s
-            self._num_openings += 1
+            if OPENING in self._asked_s:
+                self._repeated.add(OPENING)
+            self._asked_s[OPENING] = now_s
             return [OPENING]
         return self._missing(self._count, now_s)
 
@@ -315,6 +321,6 @@ class MissionDownload:
         """Take a refusal of the autopilot."""
         if self.failure is not None or ack.mission_type != self.mission_type:
             return
-        is_late = ack.result in _LATE and self._count is None and self._num_openings < 2
+        is_late = _is_late(ack, self._repeated, is_open=self._count is not None)
         if ack.result != MissionResult.ACCEPTED and not is_late:
             self.failure, self._received_s = name_of(MissionResult, ack.result), now_s

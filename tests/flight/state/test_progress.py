@@ -2,7 +2,8 @@
 
 import pytest
 
-from companion.assurance.violation import missed_goals
+from companion.flight.state.progress import missed_goal
+from companion.planning.problem import GoalRegion
 from tests.support.paths import straight_path
 
 PATH = straight_path(num=11)  # rows at north 0, 25, …, 250 m
@@ -22,5 +23,5 @@ PATH = straight_path(num=11)  # rows at north 0, 25, …, 250 m
     ],
 )
 def test_a_goal_that_the_path_misses_is_named_by_its_nearest_row(goals, missed):
-    found = list(missed_goals(PATH, goals))
+    found = missed_goal(PATH, [GoalRegion(*goal) for goal in goals])
     assert [(entry.row, pytest.approx(entry.value)) for entry in found] == ([missed] if missed else [])
