@@ -81,9 +81,14 @@ def problem_at(state: FlightState, start: Start, snapshot: Snapshot) -> Problem:
 
 
 def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool:
-    """Return whether the flown path ends before a new plan, flown in ``ahead_s`` [s], could be of use."""
+    """Return whether the flown path ends before a new plan, flown in ``ahead_s`` [s], could be of use.
+
+    A path that does not pass a goal on the way, for example one that was won meanwhile, has to be replaced.
+    """
     flown = state.flown
     if flown is None or not state.flies_to_goal or flown.covered_until_s < flown.path.times_s[-1]:
+        return False
+    if missed_goal(flown.path.since(flown.row), state.goals[state.next_goal : -1]):
         return False
     progress = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS)
     left = float(flown.path.times_s[-1]) - time_at(flown.path, progress)

@@ -18,6 +18,7 @@ from companion.flight.state.list_state import FlownPath
 from companion.flight.state.progress import Start, is_on_last_leg, lead_s, start_after, start_at
 from companion.mission.waypoints import merge_close_waypoints
 from companion.planning.plan_runner import StopRule
+from companion.planning.problem import GoalRegion
 from companion.types.mission import Mission
 from companion.types.plan import Measures, Plan, PlanStatus, PursuitRisk
 from companion.types.state import Ownship
@@ -263,6 +264,15 @@ def test_the_last_leg(east, is_last):
 def test_a_path_not_carried_to_its_end_has_no_last_leg():
     assert not is_on_last_leg(flying(begun(), straight(), 50.0, row=50), state(1300.0), 5.0)
     assert not is_on_last_leg(begun(), state(1300.0), 5.0)
+
+
+@pytest.mark.parametrize(("north", "is_last"), [(0.0, True), (700.0, False)])
+def test_the_last_leg_has_no_goal_left_beside_it(north, is_last):
+    """Another member's goal may be won while the aircraft flies to its own last one."""
+    made = flying(begun(), straight(), row=40)
+    won = GoalRegion((1300.0, north, 100.0), 60.0)
+    made = replace(made, goals=(won, *made.goals))
+    assert is_on_last_leg(made, state(1150.0), 5.0) is is_last
 
 
 # --- where a plan begins
