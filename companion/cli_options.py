@@ -1,4 +1,4 @@
-"""What several commands share: arguments, options, the progress bar of compiling, the writing of results."""
+"""Arguments, options, progress bars and output that several commands share."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ class Flight:
 
     @property
     def goal_reached(self) -> bool:
-        """Whether the true path passed the last goal within its radius."""
+        """Return whether the true path passed the last goal within its radius."""
         return self.simulator.truth.min_goal_distance_m <= self.mission.goals[-1].acceptance_radius_m
 
     async def fly(self, on_step: Callable[[Flight], None] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""What really happened: the true flight, the true threats, and whether anything was hit."""
+"""The truth of a flight: its track, the threats, and collisions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How near a flight came to its threats, and how long they had it in reach and in sight.
+"""A flight's distances from its threats, and the times in their reach and sight.
 
 The numbers follow from the paths alone: the true ones of a simulated flight, or those known on board. The
 formulas are written for this purpose, and share nothing with the planner or the checker.
@@ -64,7 +64,7 @@ class ThreatHistory:
 
 
 class Sight(Protocol):
-    """What tells which lines of sight are free."""
+    """The interface that tells which lines of sight are free."""
 
     def is_free(self, eyes: FloatArray, places: FloatArray) -> BoolArray:
         """Return which straight lines between ``eyes`` and ``places`` (N, 3) [m] are free, (N,)."""

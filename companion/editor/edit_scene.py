@@ -1,4 +1,4 @@
-"""What the editor's page shows of a mission file's text, whether the mission in it is right or not."""
+"""The scene that the editor's page shows of a mission file's text, even if the mission has faults."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def _box(document: Document, frame: LocalFrame | None) -> list[float] | None:
 
 
 def _are_places(line: object) -> bool:
-    """Whether a line is a list of pairs of numbers."""
+    """Return whether a line is a list of pairs of numbers."""
     return isinstance(line, tuple) and all(
         isinstance(corner, tuple) and len(corner) == 2 and _are_numbers(corner) for corner in line
     )

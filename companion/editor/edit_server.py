@@ -217,7 +217,7 @@ def _body(data: bytes) -> dict[str, object]:
 
 
 def _is_number(text: str) -> bool:
-    """Whether a part of an address is a number of a few digits."""
+    """Return whether a part of an address is a number of a few digits."""
     return text.isascii() and text.removeprefix("-").isdecimal() and len(text) <= _DIGITS_MAX
 
 

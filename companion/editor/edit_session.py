@@ -1,4 +1,4 @@
-"""What the editor answers to its page: the mission file's state, changes, plans and flights."""
+"""The editor's answers to its page: the mission file's state, changes, plans and flights."""
 
 from __future__ import annotations
 

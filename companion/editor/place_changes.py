@@ -227,7 +227,7 @@ def removed(text: str, path: KeyPath) -> str:
 
 
 def is_in_degrees(data: object) -> bool:
-    """Whether the start of a parsed file is in degrees; new places are then written so."""
+    """Return whether the start of a parsed file is in degrees; new places are then in degrees, too."""
     start = value_at(data, ("start",))
     return isinstance(start, dict) and DEGREES[0] in start
 

@@ -276,7 +276,7 @@ def _extent(document: Document, path: KeyPath) -> tuple[int, int]:
 
 
 def _is_flow(document: Document, path: KeyPath) -> bool:
-    """Whether a list or section is written in brackets."""
+    """Return whether a list or section is written in brackets."""
     start = document.places[path][1]
     return document.text[start : start + 1] in ("{", "[")
 

@@ -1,4 +1,4 @@
-"""How the kernels' arrays are laid out.
+"""The layout of the kernels' arrays.
 
 Structures of plain arrays and numbers, which kernels are handed by one address. All arrays are C-contiguous
 float64, float32 or int64; an annotation says how many axes they have. Lengths are metres, angles radians,
@@ -27,7 +27,7 @@ Int1D = Annotated[IntArray, Array("i", 1)]
 Int2D = Annotated[IntArray, Array("i", 2)]
 
 
-NUM_CELLS = 48  # The grid that finds near nodes has so many cells along each side.
+NUM_CELLS = 48  # Cells along each side of the grid that finds near nodes.
 
 
 class Ground(Struct):
@@ -201,7 +201,7 @@ class DistanceField(Struct):
 
 
 class Game(Struct):
-    """What moving threats could do if they knew the path (:mod:`companion.kernels.threat.pursuit_game`).
+    """The game in which moving threats know the path (:mod:`companion.kernels.threat.pursuit_game`).
 
     ``vehicles`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
     was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (G, NX, NY) earliest arrival at
@@ -225,7 +225,7 @@ class Game(Struct):
 
 
 class Branches(Struct):
-    """How the PathTree hangs together while RRT* rearranges it.
+    """The links of the PathTree while RRT* rearranges it.
 
     ``first``, ``following`` (N,) first child and next sibling, -1 where there is none; ``upper`` (N,)
     UB of paper 4.4.3; ``stage`` (N,) goals passed on the way to the node; ``goals`` (G, 4) x y z and
@@ -355,7 +355,7 @@ class Search(Struct):
 
 
 class Scene(Struct):
-    """What one sub task's search reads, in one piece.
+    """All that the search of one sub task reads.
 
     ``obstacles`` the aircraft keeps clear of; ``walls``, those of them that hide and stop a DT, too.
     """

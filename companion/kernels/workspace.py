@@ -1,7 +1,7 @@
 """Scratch arrays that a plan makes once, so that nothing is allocated where a tree grows.
 
-A kernel that is handed one of these writes into it whatever it needs for a moment: nothing in it is kept
-from one call to the next, but for ``stats``, which counts, and what a docstring says is returned there.
+A kernel writes intermediate results into them. Nothing is kept from one call to the next, apart from
+``stats``, which counts, and results that a docstring mentions.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 from companion.kernels.arrays import Float1D, Float2D, FloatArray, Int1D, ThreatModel, Threats
 from companion.kernels.native.struct import Struct
 
-MAX_THREATS = 32  # So many threats can act on one point.
-MAX_NEAR = 16  # A query of the reachability estimator returns at most so many nodes.
-MAX_K = 64  # A query of the search returns at most so many nodes.
-PATH_PICKS = 4  # RRT* joins each new node with so many waypoints of the path in addition to its k nearest.
-MAX_STRAIGHT = 64  # A greedy connection to the sub goal has at most so many steps.
-MAX_ROWS = 128  # One Dubins edge has at most so many rows.
-MAX_PATH = 4096  # A path has at most so many nodes.
+MAX_THREATS = 32  # Most threats that can act on one point.
+MAX_NEAR = 16  # A query of the reachability estimator returns at most this many nodes.
+MAX_K = 64  # A query of the search returns at most this many nodes.
+PATH_PICKS = 4  # RRT* joins each new node with its k nearest, and with this many waypoints of the path.
+MAX_STRAIGHT = 64  # A greedy connection to the sub goal has at most this many steps.
+MAX_ROWS = 128  # One Dubins edge has at most this many rows.
+MAX_PATH = 4096  # A path has at most this many nodes.
 
 
 class KNearest(Struct):
@@ -50,7 +50,7 @@ class ThreatScratch(Struct):
 
 
 class ThreatScene(NamedTuple):
-    """What threatens at one time, as the threat model reads it.
+    """The threats at one time, in the threat model's form.
 
     ``threats`` the static ones; ``points`` (D, 4) where each DT is taken to be [m] and 1 where that
     counts; ``reach`` (D,) the DTs' RD_max [m]; ``model`` the A-IFS parameters; ``scratch`` for both.
@@ -79,7 +79,7 @@ class FilterScratch(Struct):
 
 
 class ReachScratch(Struct):
-    """What the reachability estimator needs.
+    """Scratch of the reachability estimator.
 
     ``near``, ``targets`` nodes found; ``spot`` (6,) q_B and the DT's nearest position [m]; ``sample`` (3,)
     [m]; ``changed`` (4·MAX_NEAR,) nodes whose DT position is news; ``everything`` (0,) stands for "all
@@ -110,7 +110,7 @@ class Straight(Struct):
 
 
 class GrowthScratch(Struct):
-    """What a new node needs.
+    """Scratch of a new node.
 
     ``factor`` (3, 3) Cholesky factor of its position covariance [m]; ``levels`` (M,) TI of each particle;
     ``threat``, ``lqg`` and ``reach`` of those kernels.
@@ -174,7 +174,7 @@ def empty_rows(capacity: int) -> PathRows:
 
 
 def threat_scene(threats: Threats, points: FloatArray, reach: FloatArray, model: ThreatModel) -> ThreatScene:
-    """What threatens; ``points`` (D, 4) and ``reach`` (D,) as in :class:`ThreatScene` [m]."""
+    """Return the threats; ``points`` (D, 4) and ``reach`` (D,) are those of :class:`ThreatScene` [m]."""
     return ThreatScene(threats, points, reach, model, threat_scratch())
 
 

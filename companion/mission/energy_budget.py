@@ -1,4 +1,4 @@
-"""What a mission's goals cost one after another, and what is left for the way back."""
+"""The energy that a mission's goals cost one after another, and what is left for the way back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the service's items and the operator's items share the autopilot's list.
+"""The layout in which the service's and the operator's items share the autopilot's list.
 
 ArduPlane overwrites a mission list in place while it flies it, so a new path never overwrites the flown one.
 The list consists of home, the operator's own items, bank A and bank B. The flown bank is sent again

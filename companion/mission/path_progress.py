@@ -1,4 +1,4 @@
-"""Where the aircraft is on a path, and which part of the path is left."""
+"""The aircraft's progress on a path, and the rest of the path."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ class NotApprovedError(Exception):
 
 
 class Consent(Protocol):
-    """Whether others, such as the members of a team, let a mission be entered."""
+    """The consent of others, such as the members of a team, to a mission."""
 
     @property
     def is_given(self) -> bool:
@@ -25,7 +25,7 @@ class Consent(Protocol):
 
     @property
     def refusal(self) -> str:
-        """Why it may not be entered any more; '' while it may."""
+        """The reason why the mission may not be entered any more; '' while it may."""
 
     def hold(self) -> None:
         """Note that the mission is being entered."""
@@ -65,7 +65,7 @@ class MissionLink(Protocol):
 
 
 class SwapOutcome(Enum):
-    """How a swap ended. In every case either the previous mission is intact, or the new one is flown."""
+    """The result of a swap. In every case either the previous mission is intact, or the new one is flown."""
 
     FLOWN = "flown"
     STALE = "stale"  # the aircraft has passed the entry; not entered

@@ -30,7 +30,7 @@ Degrees = tuple[float, float]
 
 
 class Kind(StrEnum):
-    """What a place is to a mission."""
+    """The role of a place in a mission."""
 
     ORIGIN = "origin"
     BOUNDS = "bounds"
@@ -168,7 +168,7 @@ class Importer:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was not taken, or taken otherwise than it is written, one line each."""
+        """One line for each part of the file that was left out or changed."""
         left = [
             f"{self.file}: {what}{_listed(numbers)}: {why}" for (what, why), numbers in self._left.items()
         ]

@@ -1,4 +1,4 @@
-"""How high an operator's items are over the ground of a map, for ``companion check --items``."""
+"""The heights of an operator's items over the ground of a map, for ``companion check --items``."""
 
 from __future__ import annotations
 

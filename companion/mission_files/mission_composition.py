@@ -35,7 +35,7 @@ _TOP_KEYS = ("top_m", "top_amsl_m", "height_m")
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What a user states in addition to the files.
+    """The settings that a user states in addition to the files.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ class Certainty(IntEnum):
 
 
 class SubGoalRule(Enum):
-    """How a sub goal is chosen on the sensing horizon."""
+    """The rule that chooses a sub goal on the sensing horizon."""
 
     HEURISTIC = "heuristic"  # (4)–(6)
     EUCLIDEAN = "euclidean"  # EDBM: distances only
@@ -34,7 +34,7 @@ class Estimator(IntEnum):
 
 
 class Optimiser(Enum):
-    """What improves a path once the goal is reached."""
+    """The method that improves a path once the goal is reached."""
 
     RRT_STAR = "rrt-star"
     NONE = "none"
@@ -42,7 +42,7 @@ class Optimiser(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Strategies:
-    """What Safe-RRT is composed of; a comparator is another composition (paper 5)."""
+    """The strategies that Safe-RRT consists of; a comparator uses other ones (paper 5)."""
 
     use_dynamic_domain: bool = True
     use_uncertainty: bool = True  # δ_q in (2), p_c in (7), particles about nodes

@@ -1,4 +1,4 @@
-"""What one plan's search works with: limits, pursuers, the path tree, and what has been counted."""
+"""The working state of one plan's search: limits, pursuers, the path tree and counters."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ NO_DISTANCES = DistanceField(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0
 
 @dataclass
 class Exploration:
-    """What one plan's search works with.
+    """The working state of one plan's search.
 
     Parameters
     ----------
     problem : Problem
         What is planned.
     rng : numpy.random.Generator
-        All the search draws from.
+        Source of all random draws of the search.
     stats : ndarray, shape (4,)
         Collision checks, samples dropped by TUDD, failed extensions and iterations of the path search.
     star_stats : ndarray, shape (4,)
-        The same counts of RRT*.
+        The same counts for RRT*.
     num_nodes : int
-        Nodes of trees that were started afresh.
+        Number of nodes of earlier trees, which were discarded.
     airspeeds_m_s : tuple of float
         Airspeeds that may be flown, cruise first.
     game : Game
-        What pursuers could do; without any where the method does not ask.
+        The pursuit game; it has no vehicles if the method does not use it.
     is_pursued : bool
-        Whether one of them pursues the aircraft.
+        Whether any tracked threat is a pursuer.
     bars_pursued : bool
         Whether no node grows where a pursuer could threaten it.
     """
@@ -127,20 +127,20 @@ class Exploration:
 
     @property
     def start_is_clear(self) -> bool:
-        """Whether the root keeps the state constraints, and the margin from everything: steps do, too."""
+        """Whether the root keeps the state constraints and the clearance margin, as every step has to."""
         x, y, z = self.problem.start.position_enu_m
         free = clearance(x, y, z, self.problem.snapshot.obstacles, self.limits.margin + 1.0)
         return state_status(self.tree.state[0], self.limits) == OK and free >= self.limits.margin
 
     def scene(self) -> Scene:
-        """What the kernels read."""
+        """Return the scene: all that the kernels read."""
         if self._scene is None:
             snapshot = self.problem.snapshot
             self._scene = Scene(
                 pursuers=self.pursuers,
                 obstacles=snapshot.obstacles,
                 walls=snapshot.walls,
-                threats=snapshot.threats,  # what will be sensed from a sub goal is known to nobody yet
+                threats=snapshot.threats,  # Radars that will be sensed from a sub goal are not known yet.
                 model=self.model,
                 limits=self.limits,
                 tables=self.tables,
@@ -153,7 +153,7 @@ class Exploration:
         return self._scene
 
     def _straight_to_goal(self) -> tuple[FloatArray, FloatArray]:
-        """The start (2,) [m], and the velocity over ground (2,) of a flight to the next goal [m/s]."""
+        """Return the start (2,) [m] and the ground velocity (2,) of a straight flight to the goal [m/s]."""
         problem = self.problem
         here = np.asarray(problem.start.position_enu_m[:2])
         way = np.asarray(problem.goals[0].position_enu_m[:2]) - here
@@ -161,18 +161,18 @@ class Exploration:
         return here, air + problem.snapshot.wind_enu_m_s
 
     def _limits_at(self, airspeed_m_s: float) -> Limits:
-        """What can be flown at an airspeed of at least the cruise's [m/s]."""
+        """Return the limits of motion at an airspeed [m/s], at least the cruise airspeed."""
         asked, world = self.problem.settings, self.problem.snapshot
         return self.problem.vehicle.at_speed(airspeed_m_s).limits(
             world.dimension, world.bounds, asked.clearance_min_m, asked.tau_s, world.wind_enu_m_s
         )
 
     def start_afresh(self, airspeed_m_s: float) -> None:
-        """Search again from the start, at an airspeed of :attr:`airspeeds_m_s`."""
+        """Begin a new tree at the start, for one of :attr:`airspeeds_m_s`."""
         self.limits, self._scene = self._limits_at(airspeed_m_s), None
         self.reset_tree()
 
     def let_pursuers_be(self) -> None:
-        """Start afresh, and grow nodes where a pursuer could threaten them, too."""
+        """Begin a new tree that may also grow where a pursuer could threaten it."""
         self.bars_pursued, self._scene = False, None
         self.reset_tree()

@@ -1,4 +1,4 @@
-"""How long a plan may take, and by whose clock: in step with a simulation, in a thread, or as recorded."""
+"""Runners that decide when a plan begins and ends: in step with a simulation, in a thread, or as recorded."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ NEAR_S = 2.0
 
 
 class PlanBrokenOffError(CompanionError):
-    """Nobody wants the plan any more; the message says why."""
+    """The plan is not needed any more; the message says why."""
 
 
 class StopRule:
-    """A stopping rule that counts how often it was asked; once it said so, it keeps to it.
+    """A stopping rule that counts its questions; after the first yes the answer stays yes.
 
     Parameters
     ----------
     is_over : callable
-        Whether to stop, by the number of the question.
+        Returns whether to stop, by the number of the question.
 
     Attributes
     ----------
     asked : int
-        How often it was asked.
+        Number of questions.
     is_stopped : bool
-        Whether it said so.
+        Whether the answer was yes.
     is_broken_off : bool
-        Whether nobody wants the plan any more.
+        Whether the plan is not needed any more.
     """
 
     def __init__(self, is_over: Callable[[int], bool]) -> None:
@@ -42,7 +42,7 @@ class StopRule:
         self._is_over = is_over
 
     def break_off(self) -> None:
-        """Have it stop at the next question."""
+        """Stop at the next question."""
         self.is_broken_off = True
 
     def __call__(self) -> bool:
@@ -55,18 +55,18 @@ class StopRule:
 
 @dataclass(frozen=True, slots=True)
 class PlanTiming:
-    """How one plan is to be made.
+    """The timing of one plan.
 
     Parameters
     ----------
     rule : StopRule
         When the search ends.
     is_threaded : bool
-        Whether it runs in a thread, parallel to everything else; else in the event loop.
+        Whether the search runs in a thread of its own; otherwise it runs in the event loop.
     until_s : float or None
-        The clock's reading at which the plan counts as made [s]; None for as soon as it is.
+        The clock's reading at which the plan counts as complete [s]; None if that is when the search ends.
     was_broken_off : bool or None
-        Whether it was, in the flight that is replayed; None where whoever wants may break it off.
+        Whether the plan was broken off in the replayed flight; None if this is no replay.
     """
 
     rule: StopRule
@@ -76,36 +76,36 @@ class PlanTiming:
 
     @property
     def is_broken_off(self) -> bool:
-        """Whether nobody wants what comes of it."""
+        """Whether the result of the plan is not needed any more."""
         return self.rule.is_broken_off if self.was_broken_off is None else self.was_broken_off
 
 
 class PlanRunner(Protocol):
-    """Says when plans are made, and how."""
+    """Decides when plans begin, and their timing."""
 
     def next_look_s(self, now_s: float) -> float:
-        """When to look next whether a plan is due."""
+        """Return when to check next whether a plan is due [s]."""
         ...
 
     async def until_begun(self, clock: Clock, number: int, /) -> None:
-        """Wait until the plan of this number is to be made."""
+        """Wait until the plan with this number begins."""
         ...
 
     def timing(self, clock: Clock, budget_s: float, number: int, /) -> PlanTiming:
-        """How the plan of this number, which begins now, is made within a budget of the clock's time."""
+        """Return the timing of the plan with this number, which begins now and has a budget [s]."""
         ...
 
 
 def _never(_asked: int) -> bool:
-    """To the iteration budget."""
+    """Never stop: the iteration budget ends the search."""
     return False
 
 
 class _LiveRunner:
-    """A plan is made once it is due."""
+    """Plans begin as soon as they are due."""
 
     def next_look_s(self, now_s: float) -> float:
-        """After a short while."""
+        """Check again after a short time."""
         return now_s + POLL_S
 
     async def until_begun(self, _clock: Clock, _number: int, /) -> None:
@@ -113,36 +113,36 @@ class _LiveRunner:
 
 
 class InlineRunner(_LiveRunner):
-    """In the event loop, to the iteration budget; the plan takes its budget of a clock that others move."""
+    """Runs plans in the event loop up to the iteration budget; by the clock, each takes its whole budget."""
 
     def timing(self, clock: Clock, budget_s: float, _number: int, /) -> PlanTiming:
-        """However long the computer needs."""
+        """Let the search end by its iteration budget, however long the computer takes."""
         return PlanTiming(StopRule(_never), until_s=clock.now_s() + budget_s)
 
 
 class ThreadRunner(_LiveRunner):
-    """In a thread, until the clock says that the budget is spent."""
+    """Runs plans in a thread until their budget is spent by the clock."""
 
     def timing(self, clock: Clock, budget_s: float, _number: int, /) -> PlanTiming:
-        """To its deadline."""
+        """Stop the search at the deadline."""
         due_s = clock.now_s() + budget_s
         return PlanTiming(StopRule(lambda _asked: clock.now_s() >= due_s), is_threaded=True)
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedPlanTiming:
-    """A recorded plan.
+    """The timing of a recorded plan.
 
     Parameters
     ----------
     stopped_at : int or None
-        The question at which it was asked to stop; None if it never was.
+        Number of the question whose answer was to stop; None if there was none.
     took_s : float
-        By the clock.
+        Duration by the clock [s].
     due_s, seen_s : float or None
-        When it was found to be due, and when the world was seen that it was made in.
+        When the plan was found to be due, and when the snapshot of its world was taken.
     is_broken_off : bool
-        Whether it was of no use any more before it was made.
+        Whether the plan was broken off.
     """
 
     stopped_at: int | None
@@ -153,31 +153,31 @@ class RecordedPlanTiming:
 
 
 class RecordedRunner:
-    """In the event loop, stopped where the recorded search was stopped, and as long by the clock.
+    """Runs plans in the event loop; each stops, and ends by the clock, as the recorded one did.
 
     Parameters
     ----------
     taken : mapping
-        By the plan's number; a plan that was not recorded is made as in a simulation.
+        Recorded timings by the plan's number; a plan that was not recorded runs as in a simulation.
     """
 
     def __init__(self, taken: Mapping[int, RecordedPlanTiming]) -> None:
         self._taken = taken
 
     def next_look_s(self, now_s: float) -> float:
-        """After a short while, or when a plan was found to be due."""
+        """Check again after a short time, or when a recorded plan was due."""
         due = [entry.due_s for entry in self._taken.values() if entry.due_s is not None]
         return min([now_s + POLL_S, *(at for at in due if at > now_s)])
 
     async def until_begun(self, clock: Clock, number: int, /) -> None:
-        """Begin when it was begun, unless that is far off: then it is another plan."""
+        """Begin when the recorded plan began, unless that is far off: then it is another plan."""
         taken = self._taken.get(number)
         seen_s = None if taken is None else taken.seen_s
         if seen_s is not None and 0.0 < seen_s - clock.now_s() < NEAR_S:
             await clock.sleep_until(seen_s)
 
     def timing(self, clock: Clock, budget_s: float, number: int, /) -> PlanTiming:
-        """As it was made in flight."""
+        """Return the timing that the plan had in flight."""
         timing = self._taken.get(number)
         if timing is None:
             return PlanTiming(StopRule(_never), until_s=clock.now_s() + budget_s)

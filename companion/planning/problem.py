@@ -1,4 +1,4 @@
-"""What is to be planned."""
+"""Planning problems: start, goals, world and settings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from companion.world.vehicle.vehicle_model import VehicleModel
 
 @dataclass(frozen=True, slots=True)
 class StartState:
-    """Where the plan begins.
+    """The start of a plan.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A found path as flat rows, and what is known along it."""
+"""A path as arrays of rows, and its assessment: uncertainty, threat levels and risk."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from companion.types.path import Path
 from companion.types.plan import PursuitRisk
 
 FLOWN_SLACK_S = 0.5  # The flown path may have lost this much of the time to spare that it was planned with.
-BACK_STEPS = (3, 5, 8, 12, 16, 24)  # An edge to the goal is tried from so many rows before it.
+BACK_STEPS = (3, 5, 8, 12, 16, 24)  # An edge to the goal is tried from this many rows before the path's end.
 SPARE_ROWS = 64
 COURSE_CHANGES_RAD = (0.0, 0.35, -0.35, 0.8, -0.8)  # These offsets from the bearing to the goal are tried.
 
@@ -55,24 +55,24 @@ class Route:
 
     @classmethod
     def of(cls, rows: PathRows, n: int) -> Route:
-        """A copy of the first ``n`` rows."""
+        """Return a copy of the first ``n`` rows."""
         return cls(rows.states[:n].copy(), rows.times[:n].copy(), rows.rates[:n].copy())
 
     @functools.cached_property
     def rows(self) -> PathRows:
-        """The route as kernels take it; the same memory."""
+        """The route in the kernels' form; it shares the memory."""
         return PathRows(self.states, self.times, self.rates)
 
     def __len__(self) -> int:
         return len(self.times)
 
     def until(self, row: int) -> Route:
-        """Rows up to one, that one included."""
+        """Return the rows up to and including one."""
         return Route(self.states[: row + 1], self.times[: row + 1], self.rates[: row + 1])
 
 
 def branch_to(exploration: Exploration, node: int) -> list[int]:
-    """Rows of the tree from the root to a node."""
+    """Return the tree's rows from the root to a node."""
     rows = []
     while node >= 0:
         rows.append(node)
@@ -81,13 +81,13 @@ def branch_to(exploration: Exploration, node: int) -> list[int]:
 
 
 def route_from_tree(exploration: Exploration, node: int) -> Route:
-    """The branch from the root to a node."""
+    """Return the branch from the root to a node."""
     tree, index = exploration.tree, np.array(branch_to(exploration, node))
     return Route(tree.state[index].copy(), tree.time[index].copy(), tree.rate[index].copy())
 
 
 def route_along(exploration: Exploration, states: FloatArray) -> Route:
-    """States a step in still air apart as a route, from the exploration's start on.
+    """Return states, each one step in still air apart, as a route that begins at the search's start.
 
     Parameters
     ----------
@@ -106,9 +106,9 @@ def route_along(exploration: Exploration, states: FloatArray) -> Route:
 
 
 def route_from_path(exploration: Exploration, path: Path) -> Route:
-    """A path of an earlier plan as rows, its time stamps those of the wind that there is now.
+    """Return a path of an earlier plan as rows, with time stamps for the present wind.
 
-    The rates of its first edge are not known and taken as 0.
+    The rates of its first edge are not known; they are assumed to be 0.
     """
     directions = np.array([direction_from_course(float(course)) for course in path.courses_rad])
     states = np.column_stack([path.positions_enu_m, directions, path.climb_angles_rad, path.speeds_m_s])
@@ -125,7 +125,7 @@ def route_from_path(exploration: Exploration, path: Path) -> Route:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What LQG-MP and the threat model say of each row of a route.
+    """The uncertainty (LQG-MP) and the threat levels at each row of a route.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ class Assessment:
         return self.rows.particle_levels
 
     def log_risk(self, first: int = 0, last: int | None = None) -> float:
-        """-log Q of (8) over rows ``first`` to ``last``, by default all."""
+        """Return −log Q of (8) over rows ``first`` to ``last``, by default over all."""
         end = None if last is None else last + 1
         return -float(np.log(np.maximum(self.clear[first:end], LEAST_CLEAR)).sum())
 
@@ -191,7 +191,7 @@ def assess_route(
 ) -> Assessment:
     """Propagate the covariance along a route and evaluate every row.
 
-    With ``known``, the assessment of a route that has the same rows before ``first``, only the others.
+    Rows before ``first`` are copied from ``known``, the assessment of a route with the same rows there.
     """
     n, problem = len(route), exploration.problem
     num_dts, num_particles = max(len(problem.snapshot.tracks), 1), len(exploration.tables.normals)
@@ -217,7 +217,7 @@ def grow_pursuers_along(exploration: Exploration, route: Route) -> None:
     Parameters
     ----------
     exploration : Exploration
-        Has the trees; its path tree becomes the route.
+        The search that has the trees; the route replaces its path tree.
     route : Route
         Begins at the exploration's start.
     """
@@ -237,13 +237,13 @@ def grow_pursuers_along(exploration: Exploration, route: Route) -> None:
 
 
 def cost_between(exploration: Exploration, route: Route, first: int = 1, end: int | None = None) -> float:
-    """Sum of (9) over the edges that end in rows ``first`` to ``end - 1``, by default over all."""
+    """Return the sum of (9) over the edges that end in rows ``first`` to ``end - 1``, by default over all."""
     last, delta = len(route) if end is None else end, float(exploration.tree.delta[0])
     return float(path_cost(route.rows, first, last, delta, exploration.scene(), exploration.work))
 
 
 def pursuit_risk(exploration: Exploration, route: Route, slack_s: float | None = None) -> PursuitRisk:
-    """What DTs that know the path could do.
+    """Return when, and for how long, DTs that know the path could threaten it.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def pursuit_risk(exploration: Exploration, route: Route, slack_s: float | None =
     route : Route
         A path.
     slack_s : float, optional
-        By which a place has to be passed before it is under threat; by default what is planned with.
+        Time by which a place must be passed before it is under threat [s]; by default the planner's.
     """
     game = exploration.game
     if slack_s is not None:
@@ -263,7 +263,7 @@ def pursuit_risk(exploration: Exploration, route: Route, slack_s: float | None =
 
 
 def path_from_route(exploration: Exploration, route: Route, assessment: Assessment) -> Path:
-    """The route as other layers take it."""
+    """Return the route as a :class:`Path`, the type that other layers use."""
     return Path(
         times_s=route.times,
         positions_enu_m=route.states[:, :3].copy(),
@@ -278,16 +278,16 @@ def path_from_route(exploration: Exploration, route: Route, assessment: Assessme
 
 
 def reassessed(problem: Problem, path: Path) -> tuple[Path, PursuitRisk]:
-    """The path with the uncertainty and the threat levels that it has in the problem's world; its risk there.
+    """Assess a path in the problem's world; return the path with that assessment, and its pursuit risk.
 
-    Some milliseconds: no search, but the same kernels by which a search judges its paths.
+    It takes some milliseconds. There is no search, but a search judges its paths by the same kernels.
 
     Parameters
     ----------
     problem : Problem
-        Where the aircraft is on the path's first row, how well that is known, and the world.
+        The aircraft's position at the path's first row, its uncertainty, and the world.
     path : Path
-        What is left of a path; its levels are of the world that it was planned in.
+        The rest of a path, with the threat levels of the world that it was planned in.
     """
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
     route = route_from_path(exploration, path)
@@ -319,9 +319,9 @@ def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
 def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> Route:
     """Lead a route that ends inside the goal region to the goal's centre.
 
-    From a few rows back a Dubins edge to the goal is tried, arriving along the bearing or a little
-    turned from it; the first that is flyable and clear replaces the end. Where none is, the route
-    stays as it is: it ends inside the region.
+    Dubins edges to the goal are tried from a few rows before the end, with arrival courses at and near
+    the bearing. The first that is flyable and clear replaces the end. If there is none, the route is
+    not changed: it ends inside the region.
 
     Parameters
     ----------

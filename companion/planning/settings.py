@@ -1,4 +1,4 @@
-"""How the planner works: its weights, budgets and strategies, with the paper's values as defaults."""
+"""The planner's settings: weights, budgets and strategies, with the paper's values as defaults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Algorithm 2: a plan from the start through all goals, and the way out where none may begin."""
+"""Algorithm 2: plans through all goals, after a recovery path if the start is too near to something."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from companion.world.vehicle.recovery_path import recovery_path
 
 
 def never() -> bool:
-    """A stopping rule that leaves the end to the iteration budget."""
+    """Never stop: the iteration budget ends the search."""
     return False
 
 
@@ -42,24 +42,24 @@ def solve(
     Parameters
     ----------
     problem : Problem
-        What is to be planned; equal problems and stopping rules give equal plans.
+        The problem; equal problems and stopping rules give equal plans.
     should_stop : callable
         Asked between bursts of iterations; the default leaves it to ``max_iterations``.
     timer : callable
-        Seconds, for the measure PST only; nothing is decided by it.
+        Returns seconds, for the measure PST only; no decision depends on it.
     flown : Path, optional
-        What is left of the path being flown, from the start on; costed in the same world.
+        The rest of the flown path, from the start on; its cost is computed in the same world.
 
     Returns
     -------
     Plan
-        ``EXACT`` with a path to the last goal; ``APPROXIMATE`` with the branch that came nearest;
-        ``INVALID_START`` without one, where there is no way out either.
+        ``EXACT`` with a path to the last goal, ``APPROXIMATE`` with the branch that came nearest to it, or
+        ``INVALID_START`` without a path, if no plan and no recovery path can begin at the start.
 
     Raises
     ------
     PlannerError
-        If the method is another package's planner, and fails.
+        If the method is another package's planner and fails.
     """
     exploration = Exploration(problem, np.random.default_rng(problem.seed))
     plan = None if exploration.start_is_clear else _by_recovery_path(exploration, should_stop, timer)
@@ -98,7 +98,7 @@ def _without_path(problem: Problem, status: PlanStatus, note: str) -> Plan:
 
 
 def _invalid_start(problem: Problem) -> Plan:
-    """The answer where neither a plan nor a way out begins."""
+    """Return the answer if neither a plan nor a recovery path can begin."""
     note = "the start breaks a constraint or stands in an obstacle"
     return _without_path(problem, PlanStatus.INVALID_START, note)
 
@@ -106,9 +106,10 @@ def _invalid_start(problem: Problem) -> Plan:
 def _by_recovery_path(
     exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float]
 ) -> Plan | None:
-    """The shortest way to where a plan may begin, and the plan from there.
+    """Return the shortest path to a place where a plan can begin, followed by the plan from there.
 
-    Where there is none the answer is that the start is invalid, or None where it is only near to something.
+    If there is no such path, the result says that the start is invalid, or is None if the start is only near
+    to something.
     """
     problem, limits = exploration.problem, exploration.limits
     is_walled_in = clearance(*problem.start.position_enu_m, problem.snapshot.walls, 1.0) <= 0.0

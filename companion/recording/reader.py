@@ -96,7 +96,7 @@ class Recording:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether it was flown on simulated time, so that its replay is byte-identical."""
+        """Whether the flight was flown on simulated time, so that its replay is byte-identical."""
         return self.about.get("clock") == SIMULATED
 
     @property

@@ -1,4 +1,4 @@
-"""How a member of a team takes a new plan: only when every other member has approved it.
+"""The agreement of a team: a member takes a new plan only when every other member has approved it.
 
 Each member has at most one committed plan, which it flies, and at most one proposed plan. It tells the
 proposal and flies on by the committed plan meanwhile. A member that approves a proposal keeps its own plans
@@ -54,7 +54,7 @@ WORSE_M = 15.0  # The announced path is rounded, and its tolerances differ, by n
 
 
 class Outcome(enum.Enum):
-    """What became of a member's latest proposal."""
+    """The result of a member's latest proposal."""
 
     NONE = "none"
     PENDING = "pending"

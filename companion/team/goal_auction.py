@@ -1,4 +1,4 @@
-"""Which member flies which goal of a list that the team shares: an auction that each member computes.
+"""The auction that divides a team's shared goals among its members; each member computes all of it.
 
 A member tells its bid: where it was at a time, which goal it flies to, and when it arrives there. It tells
 also which goals are flown. All members compute the same outcome from the same bids. A goal belongs to the
@@ -65,7 +65,7 @@ class PlacedBid:
 
     @property
     def arrives(self) -> int:
-        """When the member arrives at the goal to which it flies, UTC in steps of 0.1 s."""
+        """Time at which the member arrives at the goal to which it flies, UTC in steps of 0.1 s."""
         return self.tick + self.bid.takes_ticks
 
 
@@ -201,7 +201,7 @@ class GoalAuction:
 
     @property
     def transmitted(self) -> GoalBid:
-        """What this member says now; it has bid already."""
+        """The bid that this member sends; it must have bid before."""
         return replace(self._bids[self._member].bid, flown=self._flown)
 
     def _bid(

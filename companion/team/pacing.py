@@ -1,4 +1,4 @@
-"""When a member of a team sends: often while something is to be agreed, seldom otherwise, in a budget."""
+"""The times at which a member of a team sends: often until all agree, seldom otherwise, within a budget."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BURST_S = 10.0  # A member that was quiet so long may send all it saved at once.
 
 
 class Pacing:
-    """When one member sends reports and plans.
+    """The times at which one member sends reports and plans.
 
     The share of a member is the channel's bytes a second divided by the number of members. What exceeds the
     share for longer than ten seconds waits.

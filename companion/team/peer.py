@@ -1,4 +1,4 @@
-"""What a member of a team knows of another one, and of its own proposal."""
+"""A team member's knowledge of another member and of its own proposal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from companion.team.wire import Standing
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """What is known of another member.
+    """The knowledge of another member.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether two plans of a team keep clear of each other."""
+"""The separation of two plans of a team."""
 
 from __future__ import annotations
 

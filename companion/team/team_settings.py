@@ -1,4 +1,4 @@
-"""What the members of a team have to agree on before they fly."""
+"""The settings that all members of a team must share before they fly."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class PayloadError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """What a member says of itself in every payload.
+    """The part of every payload in which a member describes its own plans.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Standing:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a member answers others, and what it waits for.
+    """A member's answers to others, and the answers that it waits for.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class Fragment:
 
 @dataclass(frozen=True, slots=True)
 class GoalBid:
-    """What a member says of the goals that the team shares.
+    """A member's bid in the auction of the shared goals.
 
     Parameters
     ----------

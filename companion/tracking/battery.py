@@ -1,4 +1,4 @@
-"""What is left on board, and how fast it falls compared with what the flight should take."""
+"""The charge or fuel left on board, and how fast it falls compared with the model of power."""
 
 from __future__ import annotations
 

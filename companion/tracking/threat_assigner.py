@@ -53,7 +53,7 @@ class VehicleClass:
 
     @property
     def stands(self) -> bool:
-        """Whether the mission file says that it does not move."""
+        """Whether the mission file says that this threat does not move."""
         return self.number is not None and self.speed_m_s == 0.0
 
 

@@ -1,4 +1,4 @@
-"""Whether the engine gives thrust, from throttle, height and airspeed, and from its reported speed.
+"""Detection of lost thrust from throttle, height, airspeed and the engine's reported speed.
 
 An engine adds energy. Two observations of the specific energy ``h + v²/2g`` show that it does not: the
 energy falls although the throttle is open, or its rate is much lower than a few seconds ago although the

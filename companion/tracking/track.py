@@ -179,7 +179,7 @@ class Track:
 
     @property
     def is_parked(self) -> bool:
-        """Whether it should not move by the mission file and has not been seen moving."""
+        """Whether the mission file says that the vehicle does not move, and it was not seen moving."""
         return self.vehicle_class.stands and self._moving_run < self._settings.moving_detections
 
     def observe(self, detection: Detection) -> str:

@@ -26,7 +26,7 @@ _Danger = tuple[tuple[bool, float], tuple[bool, float]]
 
 @dataclass(frozen=True, slots=True)
 class TrackerSettings:
-    """Which reports are accepted, and how many vehicles are tracked.
+    """Limits on the reports that are accepted and on the number of tracked vehicles.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Tracker:
     dynamic_threats : sequence of DynamicThreat
         Threats of the mission file; unknown vehicles get the classes of the settings.
     settings : TrackerSettings, optional
-        Which reports are accepted, and how many vehicles are tracked.
+        Limits on the reports that are accepted and on the number of tracked vehicles.
     seed : int
         Each identity has its own random generator, made from this seed and the identity, so that its
         estimates do not depend on other vehicles.

@@ -1,4 +1,4 @@
-"""How fast an aircraft turns, estimated from the velocities that it reports.
+"""An estimate of an aircraft's turn rate from the velocities that it reports.
 
 An estimator of interacting multiple models [1]_: each model turns at one rate, and the aircraft may go over
 from one to another at any time. The models are linear, and need no derivatives.

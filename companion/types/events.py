@@ -22,7 +22,7 @@ class Dialect(Enum):
 
     @property
     def flies_by(self) -> bool:
-        """Whether it turns before a waypoint, as ArduPlane does by WP_RADIUS."""
+        """Whether this autopilot turns before a waypoint, as ArduPlane does by WP_RADIUS."""
         return self is Dialect.ARDUPILOT
 
     @property
@@ -42,7 +42,7 @@ class Dialect(Enum):
 
     @property
     def sets_current_by_command(self) -> bool:
-        """Whether it understands DO_SET_MISSION_CURRENT; else it understands MISSION_SET_CURRENT."""
+        """Whether this autopilot understands DO_SET_MISSION_CURRENT, not MISSION_SET_CURRENT."""
         return self is Dialect.ARDUPILOT
 
     @property
@@ -52,7 +52,7 @@ class Dialect(Enum):
 
     @property
     def sends_covariances(self) -> bool:
-        """Whether it sends WIND_COV and ESTIMATOR_STATUS; ArduPlane sends WIND and EKF_STATUS_REPORT."""
+        """Whether this autopilot sends WIND_COV and ESTIMATOR_STATUS, not WIND and EKF_STATUS_REPORT."""
         return self is Dialect.PX4
 
     @property
@@ -72,7 +72,7 @@ class Dialect(Enum):
 
 
 class Motion(Enum):
-    """What an autopilot does by itself in a flight mode.
+    """The motion that an autopilot flies by itself in a flight mode.
 
     ``MISSION``: it flies its mission. ``RETURN``: it returns to launch. ``CIRCLE``: it flies to the position
     that it reports as its target, and round it. ``STEERED``: a pilot steers, or the mode is not known.

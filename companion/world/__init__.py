@@ -1,4 +1,4 @@
-"""One immutable snapshot of the world: obstacles, radars with their shadows, and the pursuers' trees.
+"""Immutable snapshots of the world: obstacles, radars with their shadows, and the pursuers' trees.
 
 The modules convert the world into the kernels' arrays. They use types and kernels only.
 """

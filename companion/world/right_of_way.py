@@ -1,4 +1,4 @@
-"""On which side an aircraft that flies on should be passed.
+"""The side on which an aircraft that flies on should be passed.
 
 The rules of the air ask for a turn to the right where two meet head-on or on converging courses, and for
 nobody to cross ahead of an aircraft that has the right of way [1]_. An unmanned aircraft gives way to all

@@ -1,4 +1,4 @@
-"""What every autopilot does on its links: telemetry, parameters, commands, routing.
+"""The part of an autopilot that all kinds share: telemetry, parameters, commands, routing.
 
 Missions and modes belong to :mod:`sim.autopilot.arduplane` (and to its peers): they differ in everything.
 """

@@ -1,4 +1,4 @@
-"""What the autopilots do about a low battery: return to launch, once."""
+"""The autopilots' answer to a low battery: one return to launch."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PX4_RETURN = 3.0  # COM_LOW_BAT_ACT: return at the critical level.
 
 @dataclass(frozen=True, slots=True)
 class LowBattery:
-    """What becomes of a low battery: a text, and whether the aircraft returns."""
+    """The answer to a low battery: a text, and whether the aircraft returns."""
 
     text: str
     returns: bool

@@ -13,7 +13,7 @@ Message = Any  # pymavlink's generated message classes have no usable common typ
 
 @dataclass(slots=True)
 class Stream:
-    """How often a message goes out, and when next [µs]."""
+    """A message's interval, and when it is sent next [µs]."""
 
     interval_us: int
     next_us: int

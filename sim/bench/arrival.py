@@ -25,7 +25,7 @@ SETTLED_S = 20.0
 
 
 class WindyFlight(NamedTuple):
-    """How the flight ended (``goal``, ``collision`` or ``flying``), and the delays of places passed [s]."""
+    """The end of a flight (``goal``, ``collision`` or ``flying``), and the delays at places [s]."""
 
     ending: str
     errors_s: list[float]

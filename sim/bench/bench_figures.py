@@ -57,7 +57,7 @@ def by_change(cases: Sequence[Reaction], took_s: Sequence[float]) -> dict[str, d
 
 
 def planned(file: Path) -> Values:
-    """How long offline plans of a mission take [ms]; the first, which loads kernels, does not count."""
+    """Return the durations of offline plans of a mission, without the first, which loads kernels [ms]."""
     _, plans = plan_runs(load_mission(file), method=None, first_seed=1, runs=PLANS + 1, time_limit_s=None)
     return quantiles((1e3 * plan.measures.path_search_time_s for plan in plans[1:]), "_ms")
 

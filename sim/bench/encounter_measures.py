@@ -1,4 +1,4 @@
-"""What happened between a flight and aircraft that pass it, by their true paths."""
+"""Measures of a flight and the aircraft that pass it, by their true paths."""
 
 from __future__ import annotations
 

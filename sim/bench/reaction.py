@@ -116,7 +116,7 @@ class _Reaction:
         return (items[current].latitude_e7, items[current].longitude_e7) not in self._known
 
     def _here(self) -> tuple[Place, float]:
-        """Where the aircraft is, and its course [rad]."""
+        """Return the aircraft's position, and its course [rad]."""
         _, east, north, *_ = self.simulator.truth.path[-1]
         return (east, north), float(self.simulator.truth.path[-1][4])
 
@@ -158,7 +158,7 @@ class _Reaction:
         autopilot.relay_traffic(report, SOURCE)
 
     def _velocity(self) -> Place:
-        """How it moves: where it is known, along our course at first, then towards a place ahead of us."""
+        """Return its velocity: first along our course until it is known, then towards a place ahead of us."""
         if self.change != "turn" or self._vehicle is None:
             return 0.0, 0.0
         _, course = self._here()

@@ -23,7 +23,7 @@ PLACES_EACH = 20  # Steps between two looks at who is in range.
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """What one flight of a team tells.
+    """The result of one flight of a team.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class TeamMember:
 
     @property
     def arrives_s(self) -> float:
-        """When it is in its last circle; infinity as long as no path is agreed [s]."""
+        """Time at which the aircraft is in its last circle [s]; infinite until a path is agreed."""
         return np.inf if self.path is None else float(self.path[-1, 0])
 
     def think(self, now_s: float) -> None:

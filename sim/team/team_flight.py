@@ -195,7 +195,7 @@ class TeamFlight:
 
 @dataclass
 class Free:
-    """What makes a place free for a member.
+    """The conditions on which a place is free for a member.
 
     Parameters
     ----------

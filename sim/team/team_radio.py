@@ -13,7 +13,7 @@ Reception = tuple[list[int], int, bytes]  # receivers, sender, payload
 
 
 class TeamRadio:
-    """What is on the air.
+    """The messages on the air.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the aircraft of a team really were, and which pairs lost their separation.
+"""True positions of a team's aircraft, and the pairs that lost their separation.
 
 It shares no code with the plans' comparison: it looks at places, four times a second.
 """
@@ -21,7 +21,7 @@ TOGETHER = 8  # Pairs that are near each other are sought for so many instants a
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """What one aircraft flew: a circle, and perhaps a way into another.
+    """The flight of one aircraft: a circle, and perhaps a way into another.
 
     Parameters
     ----------

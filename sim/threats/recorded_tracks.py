@@ -31,7 +31,7 @@ ADDRESS_MAX = 0xFFFFFF
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Where a form has a value, and what makes it one in our units.
+    """A column of a file's form, and the conversion of its values to our units.
 
     Parameters
     ----------

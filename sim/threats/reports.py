@@ -1,4 +1,4 @@
-"""How others report a vehicle: by ADS-B, by Remote ID or over UTM, with the errors, delay and losses of each.
+"""Reports of a vehicle by ADS-B, Remote ID or UTM, with the errors, delay and losses of each.
 
 References
 ----------
@@ -27,7 +27,7 @@ _SPEED_STEP_M_S, _CLIMB_STEP_M_S = 0.25, 0.5  # [2]_
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What a vehicle, or whoever sees it, has measured of it.
+    """A measurement of a vehicle, by itself or by an observer.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ class Roads:
         return not bool(shapely.intersects_xy(self.walls, east_m, north_m))
 
     def is_clear(self, points: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Which of ``points`` (N, 2) [m] keep the clearance, (N,)."""
+        """Return which of ``points`` (N, 2) [m] keep the clearance, (N,)."""
         return ~np.asarray(shapely.intersects_xy(self._blocked, points[:, 0], points[:, 1]))
 
     def distances(self, origin: FloatArray, points: FloatArray) -> FloatArray:

@@ -247,7 +247,7 @@ class Flight:
         output.height_error_m = height - estimate.up_m
 
     def _speed_share(self, steering: Steering) -> float:
-        """How much of pitch is for the airspeed without thrust: all in a descent, less close to a landing."""
+        """Return the share of pitch that holds the airspeed without thrust: 1, but less near a landing."""
         left = self.estimate.up_m - steering.height_m
         if isinstance(steering, Leg) and self.goes_beyond:
             return max(0.0, min(1.0, left / _LANDING_M))

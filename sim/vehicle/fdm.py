@@ -58,7 +58,7 @@ class Weather:
 
 @dataclass(slots=True)
 class TrueState:
-    """What is true; angles in radians, yaw clockwise from north, body rates about x, y, z."""
+    """The true state; angles in radians, yaw clockwise from north, body rates about x, y, z."""
 
     east_m: float
     north_m: float
@@ -78,7 +78,7 @@ class TrueState:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where flight begins: course over the ground clockwise from north, equivalent airspeed."""
+    """The start of a flight: course over the ground clockwise from north, equivalent airspeed."""
 
     east_m: float
     north_m: float

@@ -1,4 +1,4 @@
-"""Which lines of sight and which straight drives walls leave free; exact, with shapely."""
+"""Lines of sight and straight drives that walls leave free; exact, with shapely."""
 
 from __future__ import annotations
 

@@ -13,12 +13,12 @@ Energy = Annotated[float, Field(gt=0.0, le=1_000_000.0)]
 
 
 class EnergyConfig(Section):
-    """What flying costs, and what is on board. All five numbers count at the same place: for electric flight
-    at the battery, as its monitor measures; for a combustion engine at the shaft, where a litre of petrol is
-    about 2 kWh. `companion identify` estimates the first three from recorded flights. With this section the
-    service asks the autopilot for its battery messages, `companion check` tells what each goal costs, and
-    `companion doctor` compares it with the battery. In flight the pilot is told when to turn back, and with
-    `authority.turn_back` the service does it."""  # noqa: D205, D209 - A paragraph of the reference page.
+    """The energy that flying takes, and the energy on board. All five numbers count at the same place: for
+    electric flight at the battery, as its monitor measures; for a combustion engine at the shaft, where a
+    litre of petrol is about 2 kWh. `companion identify` estimates the first three from recorded flights. With
+    this section the service asks the autopilot for its battery messages, `companion check` tells what each
+    goal costs, and `companion doctor` compares it with the battery. In flight the pilot is told when to turn
+    back, and with `authority.turn_back` the service does it."""  # noqa: D205, D209 - A paragraph of the reference page.
 
     power_cruise_w: Power
     """Power of level flight at `airspeed_cruise_m_s`."""

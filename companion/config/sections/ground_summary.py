@@ -1,4 +1,4 @@
-"""What ``companion check`` says of the ground: its heights, and how high the mission's places are over it."""
+"""The summary of the ground in ``companion check``: its heights, and those of the mission's places."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ DEVIATION_TOLERANCE_M = 10.0  # A track that follows its path more closely needs
 
 
 class Faults(NamedTuple):
-    """What is wrong with a simulated flight; all 0 for none, and compared in this order.
+    """Faults of a simulated flight; all 0 for none, and compared in this order.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
 
 
 def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float) -> bool:
-    """Whether the first lap on the circle at the end of a mission is above the limit of the threat level.
+    """Return whether the first lap on a mission's last circle exceeds the limit of the threat level.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float
 
 
 def is_circle_taken(state: FlightState, waypoints: Waypoints, arrival_s: float) -> bool:
-    """Whether an aircraft that keeps its route ever comes near the circle at the end of a mission.
+    """Return whether an aircraft that keeps its route ever comes near a mission's last circle.
 
     The circle is flown until the next mission is entered, so that all later times count.
 
@@ -324,7 +324,7 @@ def simulated(state: FlightState, path: Path, waypoints: Waypoints, *, at_once: 
 def faults_of(
     state: FlightState, part: Path, waypoints: Waypoints, track: Track
 ) -> tuple[Faults, tuple[Violation, ...]]:
-    """What is wrong with the simulated flight over a mission, and what of that forbids the mission.
+    """Return the faults of the simulated flight over a mission, and those that forbid the mission.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a member of a team announces when it flies no plan that the others approved.
+"""The announcement of a team's member that flies no plan that the others approved.
 
 That is so before its first plan, in a return, on the operator's items behind the goal, and while a pilot
 flies. The flight mode then says where the aircraft flies next.

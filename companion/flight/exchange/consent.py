@@ -1,4 +1,4 @@
-"""Who is asked before a mission is entered: the members of a team, or nobody."""
+"""The consent that a mission needs before it is entered: of a team's members, or of nobody."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ from companion.types.mission import Mission, MissionItem
 
 
 class ListReadResult(Enum):
-    """What the autopilot's list contains."""
+    """The contents of the autopilot's list."""
 
     OURS = "ours, or nothing new"
     FOREIGN = "another mission"
@@ -72,7 +72,7 @@ class ListReader:
 
     @property
     def position(self) -> MissionPosition:
-        """Where in its list the autopilot is."""
+        """The autopilot's position in its list."""
         return self._flight.listed.position(self._link.current)
 
     @property

@@ -242,7 +242,7 @@ class Entry:
 
 
 class SwapProtocol(Protocol):
-    """How one kind of autopilot keeps its list, and how a new mission is stored in it and entered.
+    """The protocol by which a new mission is stored in one kind of autopilot and entered.
 
     Parameters
     ----------

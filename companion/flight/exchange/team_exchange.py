@@ -225,7 +225,7 @@ class TeamExchange:
 
     @property
     def is_given(self) -> bool:
-        """Whether the mission that is handed over may be entered: approved by all, or nobody is asked."""
+        """Whether the handed over mission may be entered: all have approved it, or nobody is asked."""
         agreement = self._agreement
         return agreement is None or not self._is_asking or agreement.outcome() is Outcome.APPROVED
 

@@ -1,4 +1,4 @@
-"""When thrust is missing: choose the field to glide to, inform the pilot, and fly there if that is allowed.
+"""The answer to missing thrust: choose a field to glide to, inform the pilot, and fly there if allowed.
 
 The field with most height left is chosen, else open ground away from obstacles and people. The choice is
 looked at again every half second and kept while it is within reach. With ``authority.glide`` its mission
@@ -51,7 +51,7 @@ LEAD_S = 2.5  # A mission is entered about this long after the place was chosen.
 
 
 class Stage(Enum):
-    """How far a glide has come."""
+    """The stage of a glide."""
 
     NONE = "thrust"
     CHOSEN = "a place is chosen"

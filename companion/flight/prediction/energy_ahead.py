@@ -1,4 +1,4 @@
-"""What the way home costs, from here and from places ahead, and when the aircraft must turn back.
+"""The energy of the way home, from here and from places ahead, and the time at which to turn back.
 
 The way home is the track that the autopilot flies in a return to launch, up to and including one round of the
 circle at its end, at cruise in the present wind. That cruise counts as true airspeed for the time and as
@@ -37,7 +37,7 @@ JOINED_SHARE = 1.15  # The circle at the end is joined within this share of its 
 
 @dataclass(frozen=True, slots=True)
 class EnergyNow:
-    """What is known of the battery or tank.
+    """The known state of the battery or tank.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class EnergyNow:
 
 @dataclass(frozen=True, slots=True)
 class EnergyOutlook:
-    """What the way home costs, and what is left for it.
+    """The energy of the way home, and what is left for it.
 
     Parameters
     ----------

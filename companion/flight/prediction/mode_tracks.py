@@ -1,4 +1,4 @@
-"""What the aircraft flies next in a flight mode that the service did not choose.
+"""Predicted tracks in flight modes that the service did not choose.
 
 The autopilot reports the position that it flies to (POSITION_TARGET_GLOBAL_INT): home or a rally point in a
 return, the centre of a circle in LOITER, GUIDED or PX4's Hold. It flies there and round it. A PX4 that

@@ -1,4 +1,4 @@
-"""Whether the aircraft meets something on what it flies next, when, and which escapes are clear."""
+"""Obstacles on the predicted track, when the aircraft meets them, and the escapes that are clear."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the autopilot flies if the pilot hands back now, and whether that is safe.
+"""The path that the autopilot flies if the pilot hands back now, and whether it is safe.
 
 A pilot reads that a handback is safe, and hands back some seconds later. Until then the aircraft flies on in
 the present flight mode. Therefore a handback is called safe only if it is safe from each place that the

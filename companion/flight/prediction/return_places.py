@@ -1,4 +1,4 @@
-"""Where a return path that the service keeps for an ArduPlane may end, and whether one is to be kept."""
+"""The places where an ArduPlane's return path may end, and whether the service keeps one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a return to launch does here, in words for the pilot on the ground."""
+"""The description of a return to launch, in words for the pilot on the ground."""
 
 from __future__ import annotations
 

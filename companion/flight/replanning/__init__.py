@@ -1,4 +1,4 @@
-"""When the service plans, what it plans from, and what it does with a plan: missions and return paths.
+"""Planning in flight: when a plan is due, its start, and what follows from it for missions and return paths.
 
 The modules wait, plan and hand over; the tasks call them.
 """

@@ -1,4 +1,4 @@
-"""What a restarted service must know of the flight and the autopilot cannot tell.
+"""The part of a flight's state that a restarted service cannot learn from the autopilot.
 
 The autopilot has the flown mission, but neither the path from which it was made nor the goals that are
 reached. Both are stored in files, and used only if they match the autopilot's mission. They belong to one

@@ -90,7 +90,7 @@ class Verdict(Enum):
 
     @property
     def is_emergency(self) -> bool:
-        """Whether no plan passes, so that the emergency strategy has to answer."""
+        """Whether no plan passes, so that an emergency step follows."""
         return self in (Verdict.NO_PLAN, Verdict.REJECTED)
 
 
@@ -201,7 +201,7 @@ class _Case:
 
     @cached_property
     def covered_s(self) -> float:
-        """How long the autopilot's mission continues from the start [s]; infinite if it reaches the goal."""
+        """Time for which the mission continues from the start [s]; infinite if it reaches the goal."""
         return covered_s(self.state, self.start)
 
 

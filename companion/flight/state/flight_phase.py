@@ -15,7 +15,7 @@ AIRBORNE_M, AIRBORNE_M_S = 10.0, 8.0
 
 @dataclass(frozen=True, slots=True)
 class FlightPhase:
-    """Whether the aircraft is or was armed, and whether it flies.
+    """The phase of a flight: whether the aircraft is or was armed, and whether it flies.
 
     Parameters
     ----------

@@ -243,7 +243,7 @@ class StateOwner:
 
     @property
     def listed(self) -> ListState:
-        """What is known of the autopilot's list now."""
+        """Return the present knowledge of the autopilot's list."""
         return self._state.mission_list
 
     def apply(

@@ -33,7 +33,7 @@ EXCHANGE_MARGIN = 1.3  # The expected duration is the longest of these by this f
 
 
 class MissionPosition(Enum):
-    """Where in its list the autopilot is."""
+    """The autopilot's position in its list."""
 
     OURS = "in ours, or not known to be elsewhere"
     PAST_GOAL = "in the operator's items that follow the goal"

@@ -49,7 +49,7 @@ from enum import Enum
 
 
 class Mode(Enum):
-    """What the service may do."""
+    """The service's modes, each with what it may do."""
 
     WAITING = "waiting for the autopilot"
     STANDBY = "standing by: no mission is flown"

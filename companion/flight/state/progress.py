@@ -1,4 +1,4 @@
-"""Where the aircraft is on its flown path, and where it will be when a plan takes effect."""
+"""The aircraft's progress on its flown path, and the start of a plan that takes effect later."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ class App:
 
     @property
     def mode(self) -> Mode:
-        """What the service may do."""
+        """The mode, which says what the service may do."""
         return self._flight.state.mode
 
     @property

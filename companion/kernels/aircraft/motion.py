@@ -1,4 +1,4 @@
-"""One extension of the aircraft: the control towards a target within every constraint (paper 2.2).
+"""One step of the aircraft: the control towards a target within all constraints (paper 2.2).
 
 Symbols: ``state = [x, y, z, theta, phi, v]``, ``w`` turn rate, ``wp`` climb rate, ``a`` acceleration.
 """
@@ -92,7 +92,7 @@ def ground_speed(theta: float, v: float, limits: Limits) -> float:
 
 @kernel
 def slowness(p: Float1D, q: Float1D, limits: Limits) -> float:
-    """How many times as long as in still air the edge from state ``p`` (6,) to ``q`` (6,) takes.
+    """Return the duration of the edge from state ``p`` (6,) to ``q`` (6,) over that in still air.
 
     Its course turns evenly; Simpson's rule over its beginning, middle and end.
     """

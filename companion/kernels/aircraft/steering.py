@@ -1,4 +1,4 @@
-"""How an autopilot steers, and where that brings the aircraft: L1 guidance, bank by bank, in the wind.
+"""The autopilot's lateral guidance (L1) and the track that it flies, with bank dynamics and wind.
 
 Symbols: ``e, n`` the place east and north; ``psi`` the heading of the air velocity, clockwise from north;
 ``phi`` bank, positive to the right; ``v`` airspeed, level; ``vg`` ground speed; ``l1`` the L1 distance.
@@ -130,7 +130,7 @@ def moved(state: Float1D, wind: tuple[float, float], acceleration: float, law: S
 
 @kernel
 def _share(state: Float1D, begin: Float1D, end: Float1D) -> float:
-    """How much of the leg from ``begin`` (3,) to ``end`` (3,) lies behind ``state`` (6,); 1 abeam the end."""
+    """Return the share of the leg ``begin`` (3,) – ``end`` (3,) behind ``state`` (6,); 1 abeam the end."""
     de, dn = end[0] - begin[0], end[1] - begin[1]
     square = de * de + dn * dn
     if square < SHORTEST * SHORTEST:

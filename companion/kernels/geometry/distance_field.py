@@ -45,7 +45,7 @@ def fill_free(
     point: Float1D, radius: float, margin: float, bounds: Float1D, obstacles: Obstacles,
     distances: DistanceField, free: Float2D,
 ) -> None:  # fmt: skip
-    """Which cells of a field may be passed at the height of ``point`` (≥ 3,): 1 in ``free`` (N, M), else 0.
+    """Set ``free`` (N, M) to 1 in cells that are free at the height of ``point`` (≥ 3,), to 0 in others.
 
     The rest as in :func:`fill_distance_field`; ``bounds`` (≥ 4,).
     """

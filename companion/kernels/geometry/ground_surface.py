@@ -37,7 +37,7 @@ def over_ground(x: float, y: float, z: float, ground: Ground) -> float:
 
 @inlined
 def lack_of_height(x: float, y: float, z: float, ground: Ground) -> float:
-    """How much of the wanted height over ground is missing: 1 at the lowest height, 0 from the wanted on."""
+    """Return the missing share of the wanted height over ground: 1 at the lowest height, 0 at the wanted."""
     i = cell_along(x, ground.grid[0], ground.grid[2], ground.high.shape[0])
     j = cell_along(y, ground.grid[1], ground.grid[2], ground.high.shape[1])
     missing = float(ground.high[i, j]) + ground.wanted - z

@@ -36,7 +36,7 @@ def is_rectangle(edges: Float2D, first: int, last: int) -> bool:
 
 @kernel_numpy_errors
 def polygon_hit(ax: float, ay: float, bx: float, by: float, edges: Float2D, first: int, last: int) -> bool:
-    """Whether a polygon, rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m], meets the segment a–b."""
+    """Return whether a polygon, rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m], meets a–b."""
     if point_in_polygon(ax, ay, edges, first, last):
         return True
     for e in range(first, last):

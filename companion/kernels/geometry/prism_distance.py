@@ -21,7 +21,7 @@ from companion.kernels.native.kernel import inlined, kernel
 
 @kernel
 def point_in_polygon(x: float, y: float, edges: Float2D, first: int, last: int) -> bool:
-    """Whether a point lies inside the polygon of rows ``first`` to ``last - 1`` of ``edges`` (E, 4) [m]."""
+    """Return whether a point is inside the polygon of ``edges`` (E, 4) ``first`` to ``last - 1`` [m]."""
     inside = False
     for e in range(first, last):
         x0, y0, x1, y1 = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]

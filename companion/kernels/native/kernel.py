@@ -227,7 +227,7 @@ class Kernel:
 
 @dataclass
 class _Process:
-    """What this process has loaded, and whether it may compile."""
+    """The kernels that this process has loaded, and whether it may compile."""
 
     loaded: set[Kernel] = field(default_factory=set)
     may_compile: bool = True

@@ -1,4 +1,4 @@
-"""Where the aircraft can be before pursuers are, and what they cost elsewhere: a wave from where it is.
+"""A wave from the aircraft: the places that it reaches before pursuers, and the cost of all others.
 
 A place can be passed in safety only before the moment C from which on pursuers could threaten it. Two waves
 are made by the same scheme as V. Where places after C are barred, the wave goes by time: it reaches every

@@ -83,7 +83,7 @@ class Cells(Struct):
 
 
 class Rules(Struct):
-    """How the tree is grown.
+    """The rules by which the tree grows.
 
     ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``weight`` times which V
     counts; ``seen_max`` longest unbroken time in radars' sight [s]; ``danger_max`` most danger from pursuers
@@ -132,7 +132,7 @@ def _cell(nodes: Nodes, i: int, limits: Limits, stride: int) -> int:
 
 @inlined
 def _slot(cells: Cells, key: int) -> int:
-    """Where a cell is, or would be, in the table."""
+    """Return the slot of a cell in the table, or the free slot in which it belongs."""
     mask = cells.keys.shape[0] - 1
     at = (key % PRIME) & mask
     while cells.keys[at] != 0 and cells.keys[at] != key:
@@ -196,7 +196,7 @@ def level_at(out: Float1D, time: float, scene: Scene, work: Workspace) -> float:
 
 @kernel
 def judge(search: BestFirst, first: int, last: int, at: int) -> bool:
-    """Whether rows ``first`` to ``last`` after node ``at`` keep all limits; fills in their times and J."""
+    """Return whether rows ``first`` to ``last`` after node ``at`` keep all limits; set their times and J."""
     nodes, objective, scene, before = search.nodes, search.objective, search.scene, at
     limits, rules, level_max = objective.limits, search.rules, scene.search.level_max
     for n in range(first, last + 1):
@@ -224,7 +224,7 @@ def judge(search: BestFirst, first: int, last: int, at: int) -> bool:
 
 @kernel
 def turning_share(state: Float1D, goal: Float1D, limits: Limits) -> float:
-    """How many times as long as V takes it for the way to a goal near by is, from 1 on.
+    """Return the length of the way to a near goal over the length that V assumes; at least 1.
 
     ``state`` (6,); ``goal`` (4,) x y z and the radius [m]. V knows no turns: without this the tree tries all
     ways past the goal, and back, that V takes for cheap. The way leads to the nearest of three places: the

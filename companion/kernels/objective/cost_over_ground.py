@@ -118,7 +118,7 @@ def time_along(dx: float, dy: float, limits: Limits) -> float:
 def fill_cost_over_ground(
     field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap, queue: Buckets
 ) -> int:  # fmt: skip
-    """V of goal ``g`` at every node, in every direction, from which a way leads to it; how many were settled.
+    """Set V of goal ``g`` in every direction at every connected node; return the number settled.
 
     ``goal`` (≥ 3,) is its centre [m].
     """

@@ -74,7 +74,7 @@ def height_of(field: CostField, i: int, j: int, k: int) -> float:
 
 @kernel
 def fill_rate(field: CostField, objective: Objective, enough: float) -> None:
-    """What a second costs at every node at cruise, into ``field.rate``, without pursuers.
+    """Set ``field.rate`` to the cost of a second at cruise, without pursuers, at every node.
 
     Nothing depends on more clearance than ``enough`` [m].
     """
@@ -100,7 +100,7 @@ def fill_rate(field: CostField, objective: Objective, enough: float) -> None:
 
 @inlined_numpy_errors
 def _upwind(value: Float3D, i: int, j: int, k: int) -> float:
-    """V of a node, infinite outside the grid."""
+    """Return V of a node; infinite outside the grid."""
     n, m, p = value.shape
     if i < 0 or j < 0 or k < 0 or i >= n or j >= m or k >= p:
         return math.inf
@@ -109,7 +109,7 @@ def _upwind(value: Float3D, i: int, j: int, k: int) -> float:
 
 @kernel_numpy_errors
 def solved(a: float, b: float, d: float, wa: float, wb: float, climb: float, s: float) -> float:
-    """V with upwind neighbours ``a``, ``b`` and ``d``, of which any may be infinite.
+    """Return V from the upwind neighbours ``a``, ``b`` and ``d``, any of which may be infinite.
 
     It solves ``√((V−a)⁺² + (V−b)⁺²) + wa·(V−a)⁺ + wb·(V−b)⁺ + climb·(V−d)⁺ = s`` where all neighbours that
     count lie below V. ``wa`` and ``wb`` are the wind's components towards them over the airspeed.
@@ -146,7 +146,7 @@ def solved_flat(
 
 @inlined_numpy_errors
 def _of_second_order(near: float, far: float, least: float) -> float:
-    """What stands for two neighbours in a difference of the second order; infinite where there is none.
+    """Return the value that replaces two neighbours in a second-order difference; infinite without them.
 
     ``(3·V − 4·near + far) / 2`` is ``3/2`` times ``V`` less this. Where ``far`` is below ``least`` the front
     is too bent for it, so close to where V begins.
@@ -156,7 +156,7 @@ def _of_second_order(near: float, far: float, least: float) -> float:
 
 @kernel_numpy_errors
 def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> float:
-    """V of a node from its neighbours as they are, by differences of the first or the second order.
+    """Return V of a node from its present neighbours, by first- or second-order differences.
 
     ``value`` (NX, NY, NZ) V so far [s]; ``s`` what crossing the spacing costs there [s]; ``pace`` (4,) the
     wind east and north over the airspeed, and the spacings climbed and sunk on the way of one. The lesser of
@@ -185,7 +185,7 @@ def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> 
 
 @kernel_numpy_errors
 def begin_at(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
-    """V of the nodes about goal ``g``, ``goal`` (≥ 3,) [m], all others infinite; the heap's size."""
+    """Set V at goal ``g``, ``goal`` (≥ 3,) [m], and infinity elsewhere; return the heap's size."""
     grid, value, size = field.grid, field.values[g], 0
     value[:] = math.inf
     slope = math.tan(limits.climb_max)
@@ -207,7 +207,7 @@ def begin_at(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap
 
 @kernel_numpy_errors
 def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, heap: Heap) -> int:
-    """V of goal ``g`` at every node from which a way leads to it; how many nodes were settled.
+    """Set V of goal ``g`` at every node that is connected with it; return the number of these nodes.
 
     ``goal`` (≥ 3,) is its centre [m].
     """
@@ -280,7 +280,7 @@ def offer(
 
 @kernel
 def cost_to_go(field: CostField, g: int, x: float, y: float, z: float) -> float:
-    """V of goal ``g`` at a point, the least of all directions; infinite where no way leads to it."""
+    """Return V of goal ``g`` at a point, the least of all directions; infinite if no path leads to it."""
     num = field.values.shape[0] // field.rest.shape[0]
     least = math.inf
     for layer in range(g * num, g * num + num):
@@ -290,7 +290,7 @@ def cost_to_go(field: CostField, g: int, x: float, y: float, z: float) -> float:
 
 @kernel
 def cost_to_go_on(field: CostField, g: int, x: float, y: float, z: float, theta: float) -> float:
-    """V of goal ``g`` at a point passed in direction ``theta`` [rad], between the two of V nearest to it."""
+    """Return V of goal ``g`` at a point passed in direction ``theta`` [rad], interpolated between two."""
     num = field.values.shape[0] // field.rest.shape[0]
     if num == 1:
         return cost_at(field, g, x, y, z)
@@ -306,7 +306,7 @@ def cost_to_go_on(field: CostField, g: int, x: float, y: float, z: float, theta:
 
 @kernel
 def cost_at(field: CostField, layer: int, x: float, y: float, z: float) -> float:
-    """One layer of ``field.values`` at a point, between the nodes about it from which a way leads."""
+    """Interpolate a layer of ``field.values`` at a point between the connected nodes about it."""
     grid, value = field.grid, field.values[layer]
     n, m, p = value.shape
     u, v = (x - grid[0]) / grid[3], (y - grid[1]) / grid[4]

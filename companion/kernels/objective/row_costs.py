@@ -56,7 +56,7 @@ class Prices(Struct):
 
 
 class Objective(Struct):
-    """All that J reads.
+    """The data and limits from which J is computed.
 
     ``deviations`` (K,) is the largest standard deviation of the position [m] after each step of
     ``limits.tau`` seconds from ``start`` [s] on; the last one holds from then on.

@@ -1,4 +1,4 @@
-"""How the PathTree hangs together: who is below whom, and what a change above means below.
+"""The PathTree's links, and the update of nodes below a changed one.
 
 Symbols: ``i`` a node's row, ``up`` its parent, ``c`` a child.
 """
@@ -112,7 +112,7 @@ def remove_below(tree: Tree, branches: Branches, top_node: int, stack: Int1D) ->
 
 @kernel
 def still_time(tree: Tree, i: int, limits: Limits) -> float:
-    """How long the edge to node ``i`` takes in still air [s]."""
+    """Return the duration of the edge to node ``i`` in still air [s]."""
     parent = tree.parent[i]
     taken = tree.time[i] - tree.time[parent]
     return taken / slowness(tree.state[parent], tree.state[i], limits)
@@ -190,7 +190,7 @@ def shift_below(
 def change_of_delta(
     tree: Tree, parent: int, i: int, dt: float, scene: Scene, scratch: FilterScratch
 ) -> float:
-    """By how much δ_q of node ``i`` changes when it is renewed after an edge of ``dt`` seconds."""
+    """Renew δ_q of node ``i`` after an edge of ``dt`` seconds; return its change."""
     control = ((tree.state[i, 5] - tree.state[parent, 5]) / dt, tree.rate[i, 0], tree.rate[i, 1])
     old = tree.delta[i]
     renew_covariance(

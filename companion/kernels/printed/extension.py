@@ -27,7 +27,7 @@ def extend(
     tree: Tree, i: int, q_s: Float1D, centre: Float1D, horizon: float, obstacles: Obstacles,
     limits: Limits, step: Step, stats: Int1D,
 ) -> int:  # fmt: skip
-    """One step from node ``i`` towards ``q_s`` (3,) [m]: ``EXTENDED``, or why not.
+    """Take a step from node ``i`` towards ``q_s`` (3,) [m]; return ``EXTENDED``, or why it failed.
 
     It stays within ``horizon`` metres of ``centre`` (3,) [m]. ``stats`` (4,): the first counts collision
     checks (NCDC).

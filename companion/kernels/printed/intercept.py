@@ -1,4 +1,4 @@
-"""Whether a DT gets a node into its reach through one node of its tree (paper 3.2.2, Fig. 2).
+"""The test whether a DT reaches a node through one node of its tree (paper 3.2.2, Fig. 2).
 
 A PathTree node is *reachable* through a TTree node when some point ``q_B`` at the distance RD_max from
 it is seen from it, lies on a free straight way from the TTree node and is reached in time. A DT on the
@@ -42,7 +42,7 @@ def way_length(
 def go_on(
     x: float, y: float, z: float, spare: float, airborne: bool, prisms: Obstacles, out: Float1D
 ) -> None:
-    """From q_B on towards the node, as far as the DT comes.
+    """Move on from q_B towards the node, as far as the DT comes.
 
     ``out`` (6,) holds q_B in its first half and receives where the DT then is in the other [m].
     ``spare`` is the way [m] it has left on reaching q_B. It goes straight for the point below the node,

@@ -1,4 +1,4 @@
-"""Which node of the PathTree a sample is joined to (paper 4.4.1).
+"""The choice of the PathTree's node to which a sample is joined (paper 4.4.1).
 
 Symbols: ``q_s`` a sample, ``k`` how many near nodes are compared.
 
@@ -45,7 +45,7 @@ def num_near(n: int, dimension: int) -> int:
 def choose_node(
     tree: Tree, q_s: Float1D, search: Search, dimension: int, threats: ThreatScene, nearest: KNearest
 ) -> int:
-    """Of the k nearest searched nodes the one with the least cost distance to ``q_s`` (3,) [m].
+    """Return the node of least cost distance to ``q_s`` (3,) [m] among the k nearest searched nodes.
 
     k is :func:`num_near`, or 1 without the k-near strategy. ``NONE``
     where no node is searched, ``OUTSIDE`` where the sample lies in the domain of none of the k: it

@@ -40,7 +40,7 @@ EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
 
 class Estimator(NamedTuple):
-    """Which RS estimator: ``kind`` EX_RRT, RRT_REACH or RRT; ``p_tid`` and ``k`` of Algorithm 1."""
+    """The RS estimator: ``kind`` EX_RRT, RRT_REACH or RRT; ``p_tid`` and ``k`` of Algorithm 1."""
 
     kind: int
     p_tid: float
@@ -48,7 +48,7 @@ class Estimator(NamedTuple):
 
 
 class Probe(NamedTuple):
-    """What the estimator works on.
+    """The data that the estimator works on.
 
     ``tree`` is the PathTree, ``pursuers`` the DTs' trees, ``walls`` what stops and hides DTs. The
     ``scratch`` is used up.
@@ -210,7 +210,7 @@ def come_nearer(
 
 @inlined
 def passing_place(trees: Pursuers, d: int, time: float, last: int) -> tuple[float, float, float]:
-    """Where an aircraft that flies on is at a time [m].
+    """Return the position at a time of an aircraft that flies on [m].
 
     Its rows are a second apart; from row ``last`` on it flies straight.
     """
@@ -226,7 +226,7 @@ def passing_place(trees: Pursuers, d: int, time: float, last: int) -> tuple[floa
 
 @inlined
 def passing_spread(trees: Pursuers, d: int, time: float) -> float:
-    """How far from its place an aircraft that flies on may be at a time [m].
+    """Return the standard deviation at a time of the position of an aircraft that flies on [m].
 
     That is twice the standard deviation of the place, and the radius of the circle that it flies about it.
     """
@@ -237,7 +237,7 @@ def passing_spread(trees: Pursuers, d: int, time: float) -> float:
 
 @kernel_numpy_errors
 def passes_by(trees: Pursuers, d: int, x: float, y: float, z: float, time: float, out: Float2D) -> None:
-    """Where an aircraft that flies on will be to a place at a time, by twice its deviation nearer.
+    """Return the position of an aircraft that flies on, nearer to a place by twice its deviation [m].
 
     ``out`` (D, 4) receives the position at the place's own height [m], and :data:`PASSES` where that is
     within its well clear volume, else 0.
@@ -301,7 +301,7 @@ def note_reached(probe: Probe, d: int, i: int, num: int) -> int:
 
 @kernel_numpy_errors
 def test_node(probe: Probe, d: int, i: int, j: int, num: int) -> tuple[bool, int]:
-    """Whether node ``i`` is reached through TTree node ``j``, noted where it is; how many are listed."""
+    """List node ``i`` if it is reached through TTree node ``j``; return the list's length."""
     x, y, z = probe.tree.state[i, 0], probe.tree.state[i, 1], probe.tree.state[i, 2]
     time, spot = probe.tree.time[i], probe.scratch.spot
     if not gets_to(probe.pursuers, d, j, x, y, z, time, probe.walls, spot):

@@ -58,7 +58,7 @@ def lay_edge(tree: Tree, scene: Scene, a: int, b: int, rows: PathRows, stats: In
 
 @kernel
 def lower_bound(a: Float1D, b: Float1D, scene: Scene, segments: Float1D) -> float:
-    """What a Dubins edge from state ``a`` (6,) to ``b`` (6,) costs at least by (9): its length.
+    """Return the least cost by (9) of a Dubins edge from state ``a`` (6,) to ``b`` (6,): its length.
 
     ``segments`` (3,) is used up.
     """
@@ -71,7 +71,7 @@ def lower_bound(a: Float1D, b: Float1D, scene: Scene, segments: Float1D) -> floa
 
 @kernel
 def bound_of(tree: Tree, b: int, below: float, goal: int, search: Search) -> float:
-    """What ``b`` must cost less than, for an edge to it to be worth while.
+    """Return the cost of ``b`` above which an edge to it is of no use.
 
     Less than ``below``, and less than the goal with the way to it as the crow flies added.
     """
@@ -317,7 +317,7 @@ def grow_and_rewire(
     tree: Tree, branches: Branches, scene: Scene, n: int, root: int, goal: int, draws: Float1D,
     work: Workspace,
 ) -> int:  # fmt: skip
-    """One new node, if any, and the edges rewired about it.
+    """Grow at most one node, and rewire the edges about it.
 
     ``n`` waypoints are in ``work.path``; ``draws`` (STAR_DRAWS,) uniform numbers.
     """

@@ -49,7 +49,7 @@ class SubGoalWeights(Struct):
 
 
 class SubGoalScratch(Struct):
-    """What the scores of sub goals need in addition to the scene.
+    """The scratch that the scores of sub goals need.
 
     ``distances`` is the field of the horizon's centre and ``radius`` the horizon's [m]. ``threats`` are
     those at the moment. ``boxes`` (O + 1, 2) is used up.
@@ -80,7 +80,7 @@ def obstructed_length(
 
 @kernel
 def is_on_the_way(above: float, flat: float, limits: Limits) -> bool:
-    """Whether the goal, ``flat`` metres away and ``above`` metres lower, is within the climb angles."""
+    """Return whether a goal ``flat`` metres away and ``above`` metres lower is within the climb angles."""
     if limits.dimension == 2:
         return True
     climb, descent = CLIMB_SHARE * limits.climb_max, CLIMB_SHARE * limits.descent_max

@@ -106,7 +106,7 @@ def _go_on_to_corners(
     trees: Pursuers, d: int, row: int, prisms: Obstacles, places: Float2D, arrival: Float1D,
     parent: Int1D, is_done: Int1D,
 ) -> None:  # fmt: skip
-    """From node ``row`` on to each corner that is reached sooner through it.
+    """Go on from node ``row`` to each corner that is reached sooner through it.
 
     ``places`` (C, 2) the corners [m]; ``arrival`` (C,) earliest so far [s], through the node ``parent``
     (C,); ``is_done`` (C,) those that have their node already.
@@ -206,7 +206,7 @@ def change_root(
 def free_way_ahead(
     root: tuple[float, float, float], heading: float, ahead: float, prisms: Obstacles
 ) -> float:
-    """How much of ``ahead`` metres is free, halved until it is; 0 where a twentieth is not [m]."""
+    """Return ``ahead`` [m], halved until that distance is free; 0 if a twentieth is not."""
     x, y, z = root
     share = 1.0
     while share > 0.05 and line_blocked(

@@ -1,4 +1,4 @@
-"""What a step costs (paper 4.4.1, formula (9)).
+"""The cost of a step (paper 4.4.1, formula (9)).
 
 Symbols: ``p`` the state a step begins in, ``i`` a node's row.
 """
@@ -28,7 +28,7 @@ def turn_cost(state: Float1D, x: float, y: float, z: float) -> float:
 
 @inlined
 def threats_at(scene: Scene, points: Float2D, scratch: ThreatScratch) -> ThreatScene:
-    """What threatens while the DTs are at ``points`` (D, 4) [m]."""
+    """Return the threats while the DTs are at ``points`` (D, 4) [m]."""
     return ThreatScene(scene.threats, points, scene.pursuers.reach, scene.model, scratch)
 
 

@@ -1,4 +1,4 @@
-"""How the PathTree grows by a node: the edge's check, and all that is known of the new node.
+"""The growth of the PathTree by a node: the check of its edge, and the values of the node.
 
 Symbols: ``q_n`` the node extended, ``i`` a node's row.
 """
@@ -174,7 +174,7 @@ def inherit_threats(tree: Tree, i: int, parent: int, pursuers: Pursuers, walls: 
 
 @inlined
 def collision_cost(search: Search, clear: float) -> float:
-    """What a node costs more for its p_c, ``clear``: the sum over a path is -log Q of (8), weighed."""
+    """Return the cost of a node's p_c, ``clear``; over a path the sum is −log Q of (8), weighted."""
     if search.cost_collision == 0.0 or clear >= 1.0:
         return 0.0
     return -search.cost_collision * math.log(max(clear, LEAST_CLEAR))

@@ -1,4 +1,4 @@
-"""What LQG-MP and the threat models say along a path of rows."""
+"""The uncertainty (LQG-MP) and the threat levels along a path of rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from companion.kernels.workspace import PathRows, Workspace
 
 
 class RowAssessment(Struct):
-    """What is known of each row of a path.
+    """The uncertainty and the threats at each row of a path.
 
     ``errors``, ``estimates`` (N, 6, 6) P and Λ; ``clear``, ``levels`` (N,) p_c and TI; ``particle_levels``
     (N, M) TI of each particle; ``points`` (N, D, 4) the DTs' nearest positions when the row is passed [m],

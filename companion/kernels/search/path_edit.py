@@ -97,7 +97,7 @@ def climb_profile(
 
 @kernel
 def air_time(rows: PathRows, k: int, limits: Limits) -> float:
-    """How long the edge to row ``k`` takes in still air [s]: turns, climbs and lengths go by it."""
+    """Return the duration of the edge to row ``k`` in still air [s], which turns and climbs need."""
     return (rows.times[k] - rows.times[k - 1]) / slowness(rows.states[k - 1], rows.states[k], limits)
 
 
@@ -167,7 +167,7 @@ def join(rows: PathRows, n: int, goal: Float1D, limits: Limits) -> tuple[int, in
 
 @kernel
 def is_flyable(rows: PathRows, n: int, first: int, limits: Limits) -> bool:
-    """Whether rows ``first`` to ``n`` keep bounds, turn radius, climb angles and the straight-flight rule.
+    """Return whether rows ``first`` to ``n`` keep bounds, radius, climb angles and straight lengths.
 
     The rule is followed from row 0, where no turn has been flown yet.
     """
@@ -192,7 +192,7 @@ def is_flyable_after(turn: int, straight: float, rows: PathRows, n: int, first: 
 
 @kernel
 def keeps_limits(rows: PathRows, k: int, limits: Limits) -> bool:
-    """Whether row ``k`` and the edge to it keep bounds, acceleration, radius, climb angles and pitch rate."""
+    """Return whether row ``k`` and its edge keep bounds, acceleration, radius, climb and pitch rate."""
     states, rates = rows.states, rows.rates
     dt, w = air_time(rows, k, limits), rates[k, 0]
     if state_status(states[k], limits) != OK:

@@ -1,4 +1,4 @@
-"""Which aircraft that fly on may endanger a place at a time, looked up by cell.
+"""A table of the aircraft that fly on and may endanger a place at a time, by cell.
 
 Space is divided into squares and time into bins. Each cell lists the aircraft whose well clear volume, with
 the margin about it, comes into its square in its bin. The last bin is for all later times, and squares at the

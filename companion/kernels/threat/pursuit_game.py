@@ -96,7 +96,7 @@ def fill_arrivals(x: float, y: float, game: Game, d: int) -> None:
 
 @kernel
 def _is_free(ax: float, ay: float, bx: float, by: float, grid: Float1D, tops: Float2D) -> bool:
-    """Whether no cell between two places holds a wall; ``grid`` (3,) and ``tops`` (NX, NY) as in Game."""
+    """Return whether no cell between two places has a wall; ``grid`` (3,), ``tops`` (NX, NY) as in Game."""
     steps = int(2.0 * math.hypot(bx - ax, by - ay) / grid[2])
     for k in range(1, steps + 1):
         share = k / (steps + 1)
@@ -339,7 +339,7 @@ def pop_least(keys: Float1D, values: Int1D, size: int) -> int:
 
 @kernel
 def threatened_rows(states: Float2D, times: Float1D, first: int, n: int, game: Game) -> tuple[float, float]:
-    """When a path first comes under threat, and for how long in all [s].
+    """Return when a path is first under threat, and for how long in all [s].
 
     Of rows ``first`` to ``n - 1`` of ``states`` (N, 6) at ``times`` (N,) [s]; infinite and 0 where it never
     does.

@@ -63,7 +63,7 @@ _SIGMAS_95, _SIGMAS_95_UP = 2.4477, 1.96
 
 
 class ReportParts(NamedTuple):
-    """What one message says of a vehicle."""
+    """The part of a report that one message carries."""
 
     identity: str
     emitter: Emitter

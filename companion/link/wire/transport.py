@@ -112,7 +112,7 @@ class _UdpTransport(Transport):
 
     @property
     def is_open(self) -> bool:
-        """Whether there is a socket and an address to send to."""
+        """Whether the socket is open and an address to send to is known."""
         return self._socket is not None and self._peer is not None
 
     async def open(self) -> None:

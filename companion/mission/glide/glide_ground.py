@@ -1,4 +1,4 @@
-"""Whether a glide, and the circle before a field, keep above the ground.
+"""The check that a glide, and the circle before a field, stay above the ground.
 
 A glide ends on the ground, so that no fixed distance can be kept from it. Far from its end it keeps a margin,
 and more for the height that it has lost, because the ratio is not known exactly. Near its end it keeps half

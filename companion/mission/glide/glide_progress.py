@@ -1,4 +1,4 @@
-"""How a glide to a field goes on: where it begins, whether the field is kept, when the final is due."""
+"""The progress of a glide to a field: its begin, the choice to keep the field, the time of the final."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which field an aircraft without thrust glides to, and how it gets rid of the height that it has left.
+"""The field to which an aircraft without thrust glides, and how it loses the height that is left over.
 
 A field is reached by a turn and a straight glide. Height that is left there is flown off on a circle before
 the field, from any point of which a final glide to the field is clear. The circle lies against the wind
@@ -61,7 +61,7 @@ class LandingPlace(NamedTuple):
 
 
 class Begin(NamedTuple):
-    """Where a glide begins: east, north, up [m], heading through the air [rad], and the wind [m/s].
+    """The begin of a glide: east, north, up [m], heading through the air [rad], and the wind [m/s].
 
     ``earliest`` is where the autopilot may begin it already, if that is known.
     """

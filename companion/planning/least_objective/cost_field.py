@@ -82,7 +82,7 @@ class CostToGo:
 
 
 def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
-    """V of all goals without pursuers, the same for the same world, prices, limits and goals.
+    """Return V of all goals without pursuers, stored by world, prices, limits and goals.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
 
 
 def _kept(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made]) -> _Made:
-    """What was made before, or what is made now and kept."""
+    """Return the stored value, or make and store it."""
     with _lock:
         if key not in known:
             known[key] = make()
@@ -115,12 +115,12 @@ def _kept(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made])
 
 
 def least_s(field: CostField, position_enu_m: tuple[float, float, float]) -> float:
-    """V through all goals from a place [s]; infinite where no way leads to them."""
+    """Return V through all goals from a place [s]; infinite if no path leads to them."""
     return float(cost_to_go(field, 0, *position_enu_m)) + float(field.rest[0])
 
 
 def _world_key(problem: Problem, objective: Objective) -> tuple[object, ...]:
-    """What a second's cost depends on, but for pursuers and the airspeed."""
+    """Return a key of all that the cost of a second depends on, apart from pursuers and the airspeed."""
     obstacles, threats, limits = objective.obstacles, objective.threats, objective.limits
     arrays = (obstacles.edges, obstacles.heights, threats.radars, threats.known, limits.bounds)
     level_m = problem.start.position_enu_m[2] if limits.dimension == 2 else None
@@ -134,7 +134,7 @@ def _least_deviation_m(objective: Objective) -> float:
 
 
 def _key(problem: Problem, objective: Objective) -> tuple[object, ...]:
-    """What V without pursuers depends on."""
+    """Return a key of all that V without pursuers depends on."""
     limits = objective.limits
     speeds = (limits.v_cruise, limits.climb_max, limits.descent_max, limits.wind_x, limits.wind_y)
     return (*_world_key(problem, objective), *speeds, problem.goals)
@@ -193,12 +193,12 @@ def _cost_rate_fields(problem: Problem, objective: Objective) -> tuple[CostField
 
 
 def _world(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
-    """What a second costs at cruise without pursuers, kept from plan to plan."""
+    """Return the cost of a second at cruise without pursuers, stored from plan to plan."""
     return _kept(_worlds, _world_key(problem, objective), lambda: _cost_rate_fields(problem, objective))
 
 
 def _at_airspeed(world: CostField, objective: Objective) -> CostField:
-    """What a second costs at the airspeed of ``objective``: the energy beyond cruise's is added."""
+    """Return the cost of a second at the airspeed of ``objective``, with the energy beyond cruise."""
     excess = energy_excess(objective.limits.v_cruise, objective.prices)
     return world._replace(rate=world.rate + objective.prices.energy * excess)
 
@@ -219,7 +219,7 @@ def buckets(num_nodes: int) -> Buckets:
 def field_before_pursuers(
     problem: Problem, objective: Objective, danger_max: float, *, is_coarse: bool = False
 ) -> CostField:
-    """V of all goals with what pursuers cost, infinite where they bar the way.
+    """Return V of all goals with the cost of pursuers; V is infinite where they bar the way.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def field_before_pursuers(
 
 
 def _with_values(field: CostField, problem: Problem, limits: Limits) -> CostField:
-    """V of all goals where the cost of a second is known."""
+    """Return V of all goals for a known cost of a second at each node."""
     num, is_low = len(problem.goals), bool(field.floor.any())
     heap, layers = _heap(field), num * (DIRECTIONS if is_low else 1)
     queue = buckets(field.rate.size) if is_low else None

@@ -1,4 +1,4 @@
-"""The plan of the least objective J."""
+"""Plans of least objective J."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from companion.types.plan import Plan
 def plan_by_objective(
     exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float], flown: Path | None
 ) -> Plan:
-    """The plan with the least objective J that is found. Nothing but J is compared.
+    """Return the plan of least objective J that is found. Only J is compared.
 
     Parameters
     ----------
     exploration : Exploration
-        Has the problem, and counts the work.
+        The problem, and the counters of work.
     should_stop : callable
-        Asked between bursts whether the time is over.
+        Asked between bursts of extensions whether the time is over.
     timer : callable
-        Seconds, for the measure PST only.
+        Returns seconds, for the measure PST only.
     flown : Path or None
-        What is left of the path being flown. Where it keeps the limits and can be made cheaper than the new
-        one, it is the plan.
+        The rest of the flown path. It becomes the plan if it keeps the limits and, once shortened, costs
+        less than the new path.
     """
     problem, began = exploration.problem, timer()
     search = LeastRouteSearch(exploration, should_stop, timer)

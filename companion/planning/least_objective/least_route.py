@@ -35,11 +35,11 @@ GAP_M = (
 
 
 class Patience(NamedTuple):
-    """How a tree is grown.
+    """The growth of one tree.
 
-    ``weight`` times which V counts; ``most`` nodes that may be extended; ``avoids_gaps`` whether V leads
-    through no gap that is nearly too narrow; ``stride`` the steps of a motion, and of a cell, in
-    which one node is enough.
+    ``weight`` multiplies V. At most ``most`` nodes are extended. If ``avoids_gaps``, V leads through no gap
+    that is nearly too narrow. ``stride`` is the number of steps of a motion, and of a cell that needs only
+    one node.
     """
 
     weight: float
@@ -64,7 +64,7 @@ IMPROVING_PURSUED = Patience(1.02, 2_000)
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """What a search has come to.
+    """The result of a search.
 
     Parameters
     ----------
@@ -97,16 +97,16 @@ class Searched:
 
 @dataclass(frozen=True, slots=True)
 class _AtAirspeed:
-    """What is known of flights at one airspeed before any search.
+    """The objective and the lower bound at one airspeed, known before any search.
 
     Parameters
     ----------
     airspeed_m_s : float
-        Held throughout.
+        The airspeed, constant over the flight [m/s].
     objective : Objective
-        J, and what can be flown.
+        J with the limits of motion at this airspeed.
     bound_s : float
-        V at the start without pursuers, with its error taken off.
+        V at the start without pursuers, minus the error of V [s].
     """
 
     airspeed_m_s: float
@@ -120,18 +120,18 @@ class LeastRouteSearch:
     Parameters
     ----------
     exploration : Exploration
-        Has the start, and counts the work. It is left at the airspeed of the path.
+        The start, and the counters of work. At the end it has the airspeed of the path.
     should_stop : callable
-        Asked between bursts whether the time is over.
+        Asked between bursts of extensions whether the time is over.
     timer : callable
-        Seconds, for measures only.
+        Returns seconds, for measures only.
 
     Attributes
     ----------
     bound_s : float
-        No path costs less: V at the start without pursuers, with its error taken off.
+        Lower bound of J: V at the start without pursuers, minus the error of V [s].
     shortening_s : float
-        How long paths were shortened, which is no search [s].
+        Time spent on shortening paths, which does not count as search [s].
     """
 
     def __init__(
@@ -145,10 +145,10 @@ class LeastRouteSearch:
         self.shortening_s = 0.0
 
     def run(self) -> Searched:
-        """The cheapest path that is found, by J, or the branch that comes nearest to the last goal.
+        """Return the path of least J that is found, or the branch that comes nearest to the last goal.
 
-        Before pursuers each airspeed has a V and trees of its own. A path that they cannot bar goes before
-        one that they can.
+        With pursuers, each airspeed has its own V and its own trees. A path that pursuers cannot bar is
+        preferred to one that they can bar, whatever it costs.
         """
         if math.isinf(self.bound_s):
             return self._to_goals_before()
@@ -162,10 +162,10 @@ class LeastRouteSearch:
         return found
 
     def _past_others(self) -> Searched:
-        """The cheapest path past aircraft that fly on, at cruise or faster.
+        """Return the cheapest path past aircraft that fly on, at cruise or faster.
 
-        They are foreseen in V if the path that is found without foresight comes near to any of them. If they
-        make the flight at cruise much more expensive, a higher airspeed is tried, too.
+        V includes their predicted positions only if a path found without them comes near to one. A higher
+        airspeed is tried, too, if they make the flight at cruise much more expensive.
         """
         cruise = self._airspeeds[0]
         best = self._search(cruise, self._field_alone(), MOST_DANGER)
@@ -182,14 +182,14 @@ class LeastRouteSearch:
         return best
 
     def _is_clear_of_all(self, found: Searched) -> bool:
-        """Whether a path to the goal costs nothing on account of others: it is as good as without them."""
+        """Return whether a path reaches the goal and no other aircraft adds to its cost."""
         if not found.reached:
             return False
         prices = found.objective.prices._replace(pursued=0.0)
         return objective_between(found.objective._replace(prices=prices), found.route) == found.cost_s
 
     def _to_goals_before(self) -> Searched:
-        """A path to as many goals as V leads to in their order; it does not lead to the last one."""
+        """Return a path to as many goals, in their order, as can be reached; the last one cannot."""
         exploration, whole = self._exploration, self._exploration.problem
         searched = Searched(
             route_from_tree(exploration, 0), math.inf, self._airspeeds[0].objective, SearchTrace(), 1
@@ -204,27 +204,28 @@ class LeastRouteSearch:
         return searched
 
     def _field_alone(self) -> CostField:
-        """V at cruise without pursuers."""
+        """Return V at cruise without pursuers."""
         return cost_to_go_of(self._exploration.problem, self._airspeeds[0].objective).fine
 
     def _at(self, airspeed_m_s: float) -> _AtAirspeed:
-        """What is known of flights at an airspeed."""
+        """Return the objective and the lower bound at an airspeed."""
         self._exploration.start_afresh(airspeed_m_s)
         objective = objective_of(self._exploration)
         known = cost_to_go_of(self._exploration.problem, objective)
         return _AtAirspeed(airspeed_m_s, objective, known.bound_s(self._place))
 
     def _field(self, known: _AtAirspeed, danger_max: float, *, is_coarse: bool = False) -> CostField:
-        """V before pursuers."""
+        """Return V with pursuers."""
         problem = self._exploration.problem
         return field_before_pursuers(problem, known.objective, danger_max, is_coarse=is_coarse)
 
     def _at_best_airspeed(self, danger_max: float) -> Searched | None:
-        """The cheapest path at any airspeed, tried in the order of V at the start on coarse fields.
+        """Return the cheapest path at any airspeed, tried in the order of V at the start on coarse fields.
 
-        The others are left out once V, less what it falls by on the fine field, is no less than the cost of a
-        path that was found. None where pursuers bar all ways, at the highest airspeed on the fine field, at
-        the others on coarse ones: whoever is slower comes later, but for a tighter first turn.
+        Airspeeds are skipped once V, reduced by what it falls by on the fine field, is no less than the cost
+        of a path that was found. The result is None if pursuers bar all paths: at the highest airspeed on the
+        fine field, and at the others on coarse ones. A slower aircraft arrives later, apart from its tighter
+        first turn.
         """
         best, share = None, 0.0
         for coarse_s, known in self._in_order(danger_max):
@@ -242,7 +243,7 @@ class LeastRouteSearch:
         return best
 
     def _in_order(self, danger_max: float) -> list[tuple[float, _AtAirspeed]]:
-        """Airspeeds with V at the start on coarse fields, the least first, of equal ones the fastest."""
+        """Return V at the start on coarse fields and the airspeeds: least V first, then the fastest."""
         known = [
             (least_s(self._field(each, danger_max, is_coarse=True), self._place), each)
             for each in self._airspeeds
@@ -250,7 +251,7 @@ class LeastRouteSearch:
         return sorted(known, key=lambda entry: (entry[0], -entry[1].airspeed_m_s))
 
     def _search(self, known: _AtAirspeed, field: CostField, danger_max: float) -> Searched:
-        """Trees at one airspeed; the cheapest path, shortened, or the branch that comes nearest."""
+        """Grow trees at one airspeed; return the cheapest path, shortened, or the nearest branch."""
         exploration, objective = self._exploration, known.objective
         exploration.start_afresh(known.airspeed_m_s)
         if math.isinf(least_s(field, self._place)):
@@ -266,9 +267,9 @@ class LeastRouteSearch:
         return Searched(route, cost_s, objective, best.trace(), num_nodes, notes)
 
     def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
-        """Trees until one comes to the goal, each less particular, and then one more for a cheaper path.
+        """Grow trees, each greedier, until one reaches the goal, and then one more for a cheaper path.
 
-        Over ground one more tree costs more time than it gains.
+        Over ground the last one is left out: it costs more time than it gains.
         """
         grown = list[ObjectiveTree]()
         finding: tuple[Patience, ...] = FINDING if self._exploration.is_pursued else FINDING_ALONE
@@ -288,7 +289,7 @@ class LeastRouteSearch:
     def _tree(
         self, objective: Objective, field: CostField, danger_max: float, asked: Patience, cost_max: float
     ) -> ObjectiveTree:
-        """A tree that was grown."""
+        """Grow a tree, and return it."""
         rules = GrowthRules(
             weight=asked.weight,
             danger_max=danger_max,
@@ -301,13 +302,13 @@ class LeastRouteSearch:
         return tree
 
     def _field_without_gaps(self, objective: Objective) -> CostField:
-        """V for an aircraft that keeps farther away from everything."""
+        """Return V for an aircraft that keeps a wider margin."""
         limits, problem = objective.limits, self._exploration.problem
         wide = objective._replace(limits=limits._replace(margin=limits.margin + GAP_M))
         return cost_to_go_of(problem, wide).fine
 
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
-        """A path led to the goal's centre, and shortened; with how many short cuts."""
+        """Lead a path to the goal's centre and shorten it; return it with the number of short cuts."""
         exploration, began = self._exploration, self._timer()
         route = finished_route(exploration, route, np.array(exploration.problem.goals[-1].position_enu_m))
         num_cuts = 0
@@ -317,7 +318,7 @@ class LeastRouteSearch:
         return route, num_cuts
 
     def _given_up(self, known: _AtAirspeed, danger_max: float) -> tuple[str, ...]:
-        """What had to be given up before pursuers, in words."""
+        """Return notes about the airspeed and about paths that pursuers can bar."""
         notes = []
         if known.airspeed_m_s > self._airspeeds[0].airspeed_m_s:
             why = "ahead of pursuers" if self._exploration.is_pursued else "to keep well clear of aircraft"

@@ -1,4 +1,4 @@
-"""What is reported of a route: the measures of the paper's tables, and how far a search got."""
+"""Reports about a route: the measures of the paper's tables, and how far a search got."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ NUM_SECONDARY = 10
 
 
 def shortfall(route: Route, problem: Problem, num_nodes: int) -> str:
-    """How far a search got, for who asks why there is no path.
+    """Return in words how far a search got that found no path.
 
     Parameters
     ----------
     route : Route
-        The branch that came nearest.
+        The branch that came nearest to the last goal.
     problem : Problem
-        Has the goals.
+        The problem, with its goals.
     num_nodes : int
-        How many nodes were grown.
+        Number of nodes that were grown.
     """
     away = float(np.linalg.norm(route.states[-1, :3] - problem.goals[-1].position_enu_m))
     return f"ends {away:.0f} m from the last goal after {num_nodes} nodes"
@@ -54,7 +54,7 @@ def ends_at(route: Route, goal: GoalRegion) -> bool:
     route : Route
         A path.
     goal : GoalRegion
-        Where it should end.
+        The goal region.
     """
     away = np.linalg.norm(route.states[-1, :3] - goal.position_enu_m)
     return bool(away <= goal.acceptance_radius_m)
@@ -63,7 +63,7 @@ def ends_at(route: Route, goal: GoalRegion) -> bool:
 def measures_of(
     exploration: Exploration, route: Route, assessment: Assessment, searched_s: float, num_nodes: int
 ) -> Measures:
-    """The measures of the paper's tables (its 5.3), over the radars known to the planner."""
+    """Return the measures of the paper's tables (its 5.3), over the radars known to the planner."""
     # A copy: of a route of one row a part of its columns is an array of another type, and would compile anew.
     positions = np.ascontiguousarray(route.states[:, :3])
     waypoint, secondary = radar_memberships(positions, NUM_SECONDARY, exploration.problem.snapshot.threats)
@@ -83,9 +83,9 @@ def measures_of(
 
 
 def exposures(levels: FloatArray) -> FloatArray:
-    """What (3) multiplies: a stretch under threat is one exposure, its highest level the damage.
+    """Return the exposures that (3) multiplies: each stretch under threat is one, with its highest level.
 
-    The paper does not say what an exposure is; were each second one, no path would have a chance.
+    The paper does not say what an exposure is. If each second were one, no path would have a chance.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def exposures(levels: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, shape (E,)
-        One element a stretch.
+        One element for each stretch.
     """
     threatened = levels > 0.0
     begins = np.flatnonzero(threatened & ~np.append(False, threatened[:-1]))
@@ -104,12 +104,12 @@ def exposures(levels: FloatArray) -> FloatArray:
 
 
 def trace_with_pursuers(exploration: Exploration, trace: SearchTrace) -> SearchTrace:
-    """What a search looked like, with the pursuers' trees and the circles from which they reach path nodes.
+    """Return a search's trace with the pursuers' trees, and the circles from which they reach path nodes.
 
     Parameters
     ----------
     exploration : Exploration
-        Has the trees.
+        The search that has the trees.
     trace : SearchTrace
         The path tree.
     """
@@ -136,7 +136,7 @@ def plan_along(
     exploration: Exploration, route: Route, assessment: Assessment, objective: Objective, *, reached: bool,
     searched_s: float, num_nodes: int, notes: Sequence[str],
 ) -> Plan:  # fmt: skip
-    """The plan that a route is.
+    """Return a plan with a route, its assessment and its measures.
 
     Parameters
     ----------
@@ -145,17 +145,17 @@ def plan_along(
     route : Route
         A path.
     assessment : Assessment
-        What is known along it.
+        The assessment of the route.
     objective : Objective
         J.
     reached : bool
-        Whether it leads to the last goal.
+        Whether the route leads to the last goal.
     searched_s : float
-        How long the search took.
+        Duration of the search [s].
     num_nodes : int
-        How many nodes it grew.
+        Number of nodes of the search.
     notes : sequence of str
-        What is to be said of it.
+        Remarks about the plan.
     """
     problem = exploration.problem
     return Plan(
@@ -174,20 +174,20 @@ def plan_along(
 
 
 def with_flown(exploration: Exploration, plan: Plan, flown: Route, known: Assessment, cost: float) -> Plan:
-    """The plan with the cost and risk of the path being flown, for comparison.
+    """Return a plan with the cost and risk of the flown path, for comparison.
 
     Parameters
     ----------
     exploration : Exploration
         The search that found the plan.
     plan : Plan
-        The new one.
+        The new plan.
     flown : Route
-        What is left of the path being flown.
+        The rest of the flown path.
     known : Assessment
-        What is known along it.
+        The assessment of the rest.
     cost : float
-        What it costs, as :attr:`~companion.types.plan.Plan.cost` counts.
+        The cost of the rest, of the same kind as :attr:`~companion.types.plan.Plan.cost`.
     """
     risk = pursuit_risk(exploration, flown, slack_s=FLOWN_SLACK_S)
     return replace(plan, flown_cost=cost, flown_threat=float(known.levels.max()), flown_pursuit=risk)

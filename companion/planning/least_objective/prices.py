@@ -15,7 +15,7 @@ DEVIATION_STEPS = 64  # After so many steps the filter has settled.
 
 
 def prices_of(problem: Problem) -> Prices:
-    """What a second of everything is worth; nothing where a method ignores it.
+    """Return the prices of J; a price is 0 if the method ignores what it is for.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One tree that grows best first along V."""
+"""A tree that grows best first along V."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ROWS_EACH = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrowthRules:
-    """How a tree is grown.
+    """The rules by which a tree grows.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class GrowthRules:
 
 
 class ObjectiveTree:
-    """One tree.
+    """A tree that grows best first along V.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class ObjectiveTree:
 
     @property
     def num_nodes(self) -> int:
-        """How many nodes it has."""
+        """Number of nodes of the tree."""
         return int(self._search.sizes[0])
 
     @property

@@ -125,7 +125,7 @@ def goals_on_the_way(goals: Sequence[GoalRegion]) -> FloatArray:
 
 
 def branches_below(exploration: Exploration, root: int) -> Branches:
-    """How the tree hangs together; only what is below ``root`` is searched from now on."""
+    """Return the tree's links; only nodes below ``root`` are searched from now on."""
     tree = exploration.tree
     branches = empty_branches(len(tree.parent), goals_on_the_way(exploration.problem.goals))
     enter_below(tree, branches, root)

@@ -117,7 +117,7 @@ def _optimised(
 
 
 def worth(exploration: Exploration, route: Route, known: Assessment) -> tuple[bool, float]:
-    """What a route is chosen by, the least first: whether it breaks ``quality_min``, then its cost.
+    """Return the key by which routes are compared: whether ``quality_min`` is broken, then the cost.
 
     The cost is (9) with what -log Q of (8) costs.
     """

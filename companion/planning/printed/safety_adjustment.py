@@ -76,7 +76,7 @@ def _threat(route: Route, assessment: Assessment, first: int, last: int) -> floa
 
 
 def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> FloatArray:
-    """How far the weighted mean of row ``k``'s particles lies from their plain mean.
+    """Return the offset of the weighted mean of row ``k``'s particles from their plain mean.
 
     Returns
     -------

@@ -119,7 +119,7 @@ class SubTasks:
         return -1
 
     def scene_to(self, sub_goal: FloatArray, tolerance_m: float) -> Scene:
-        """What the kernels read, with the distance field of a sub goal.
+        """Return the kernels' scene with the distance field of a sub goal.
 
         Parameters
         ----------

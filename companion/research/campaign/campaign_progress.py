@@ -115,7 +115,7 @@ def _median(values: Sequence[float], factor: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CampaignResult:
-    """How a campaign ended: how many rows there are, how many of them are new, and how many are errors."""
+    """The result of a campaign: the number of rows, of new ones, and of errors."""
 
     num_rows: int
     num_made: int
@@ -172,7 +172,7 @@ def run_campaign(
 
 
 class Engine(Protocol):
-    """What makes runs."""
+    """The maker of runs."""
 
     def finished(self, runs: Sequence[Run]) -> Iterator[Finished]:
         """Make the runs, and yield each when it is finished."""

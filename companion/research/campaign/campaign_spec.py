@@ -149,7 +149,7 @@ class Campaign:
         return _digest(self.texts[mission])
 
     def identity(self) -> dict[str, object]:
-        """What distinguishes this campaign from others, fit for JSON; as lists, because the order counts."""
+        """The identity of the campaign, for JSON. It consists of lists because the order matters."""
         values = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
         lists = {
             "models": [[name, _digest(text)] for name, (text, _) in self.models.items()],

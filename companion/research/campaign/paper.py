@@ -1,4 +1,4 @@
-"""What the paper measured (its Table 1), for comparison with our own.
+"""The paper's own measurements (its Table 1), for comparison with ours.
 
 Its machine was a Pentium 4 with Matlab and its maps are not published: ratios and orderings can be compared,
 absolute values cannot. Its lengths are planning units, so that PC can be compared; its NTN is ESR · NCDC.

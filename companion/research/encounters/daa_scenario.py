@@ -46,7 +46,7 @@ LOWEST_M = 30.0  # No aircraft of an encounter comes lower.
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """What other aircraft do relative to the own one.
+    """The motion of other aircraft relative to the own one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What passes a flight, by the kind of its file: an encounter model, or a scenario."""
+"""The aircraft that pass a flight, read from an encounter model or a scenario."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def encounter_tables(kind: str, case: Case) -> Iterator[ResultTable]:
 
 
 def _events_table(case: Case) -> ResultTable:
-    """How often each event happens, with the service and without it."""
+    """Return the number of each event, with the service and without it."""
     rows = [
         (Cell(method, method), Cell(words, words), *_ratio_cells(sample, event, None))
         for method, sample in case.samples.items()
@@ -88,7 +88,7 @@ def _events_table(case: Case) -> ResultTable:
 
 
 def _detours_table(case: Case) -> ResultTable:
-    """What is done where the flight alone would have stayed well clear."""
+    """Return the detours of flights that alone would have stayed well clear."""
     rows = []
     for method, sample in case.samples.items():
         idle = ~happened(sample, f"without.{LOSS}")
@@ -107,14 +107,14 @@ def _detours_table(case: Case) -> ResultTable:
 
 
 def _detours_cell(sample: Sample) -> Cell:
-    """How many, and which share, of the flights that alone stay well clear make a detour."""
+    """Return the number and the share of detours among flights that alone stay well clear."""
     late = np.abs(values_of(sample, "detour_s")[~happened(sample, f"without.{LOSS}")]) > DETOUR_S
     share = wilson(int(late.sum()), len(late))
     return Cell(f"{int(late.sum())} of {len(late)}: {interval_text(share)}", share.value)
 
 
 def _alerts_table(case: Case) -> ResultTable:
-    """How long before the flight alone loses well clear the pilot was warned, and how often needlessly."""
+    """Return the times of warning before the flight alone loses well clear, and the needless warnings."""
     rows = []
     for method, sample in case.samples.items():
         would = happened(sample, f"without.{LOSS}")

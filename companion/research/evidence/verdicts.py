@@ -123,7 +123,7 @@ def verdicts_table(of_case: list[Judged], title: str) -> ResultTable:
 
 
 def counts_table(every: list[Judged]) -> ResultTable:
-    """How many orderings of each of the paper's tables hold, by the method that stands for the paper's."""
+    """Return how many orderings of the paper's tables hold, by the method that represents the paper's."""
     keys = [(entry.case.title, entry.ordering.table, _ours(entry.ordering)) for entry in every]
     counted = Counter((*key, entry.verdict) for key, entry in zip(keys, every, strict=True))
     subjects = {table.number: table.subject for table in TABLES}
@@ -156,7 +156,7 @@ def _standing_for(ordering: Ordering, case: Case) -> Iterator[Ordering]:
 
 
 def _ours(ordering: Ordering) -> str:
-    """Which of our methods stands for the paper's in an ordering."""
+    """Return the method of ours that represents the paper's in an ordering."""
     return next((name for name in (OURS, *OURS_PRINTED) if name in ordering), "comparators alone")
 
 

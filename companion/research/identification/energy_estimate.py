@@ -1,4 +1,4 @@
-"""Which three numbers of the model of power explain the energy that was used in recorded flights.
+"""Estimates the three numbers of the model of power from the energy used in recorded flights.
 
 Energy used in a window = A·∫(v/v_c)³dt + B·∫n²(v_c/v)dt + c·Δh, by linear least squares over the windows,
 with the airspeed v_c of cruise. A + B is then the power of level flight at cruise. Windows in which the motor

@@ -17,7 +17,7 @@ FLYING_MIN_M_S = 8.0  # Slower, the aircraft stands, rolls or is launched.
 
 @dataclass(frozen=True, slots=True)
 class EnergyWindow:
-    """What was used in a window of flight, and the three integrals that explain it.
+    """The energy used in a window of flight, and the three integrals that explain it.
 
     Parameters
     ----------

@@ -135,7 +135,7 @@ def _mission_of(recording: Recording, log: Path, mission_file: Path | None) -> M
 
 @dataclass
 class _Reports:
-    """What the autopilot has reported, by the clock readings of its arrival."""
+    """The autopilot's reports, with the clock readings of their arrival."""
 
     frame: LocalFrame
     positions: list[list[float]] = field(default_factory=list)  # clock, boot, place, velocity, airspeed
@@ -276,7 +276,7 @@ def _plans_flown(mcap: Path) -> list[tuple[FlownPath, float, float]]:
 
 
 def _swap_of(row: Document) -> list[tuple[float, int]]:
-    """When the flight of a mission began, and the number of its plan; empty if it was not flown."""
+    """Return when the flight of a mission began, and its plan's number; empty if it was not flown."""
     ended_s, made = number(row.get("ended_s")), number(row.get("plan_number"))
     if row.get("outcome") != "flown" or ended_s is None or made is None:
         return []

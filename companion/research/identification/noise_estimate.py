@@ -1,4 +1,4 @@
-"""Which noise of LQG-MP explains recorded flights.
+"""Estimates the noise of LQG-MP from recorded flights.
 
 The autopilot reports its estimate of the position, so that deviations from the plan have covariance Λ.
 Straight on at cruise LQG-MP ends in a stationary Λ that grows with the process noise. The process noise is

@@ -1,4 +1,4 @@
-"""What the autopilot does in a failsafe, by its parameters.
+"""The autopilot's actions in failsafes, by its parameters.
 
 The actions are those for fixed-wing aircraft of ArduPlane 4.7 (``Parameters.cpp``,
 ``AP_BattMonitor_Params.cpp``, ``AC_Fence.cpp``) and PX4 1.17 (``commander_params.c``, ``geofence_params.c``).

@@ -55,7 +55,7 @@ class Report:
 
     @property
     def is_ready(self) -> bool:
-        """Whether it can plan for an autopilot that is present."""
+        """Whether the service can plan for an autopilot that is present."""
         return self.is_warm and self.hears_autopilot
 
     def __str__(self) -> str:

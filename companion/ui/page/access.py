@@ -1,4 +1,4 @@
-"""Who may look at the page: this computer's own user, or whoever has the token."""
+"""Access to the page: for users of this computer, and for those who have the token."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Access:
         return f"http://{host}:{port}/"
 
     def refusal(self, request: Request) -> bytes | None:
-        """What is answered instead of what was asked for; None where it may be seen.
+        """Return the answer that refuses a request; None if the request is permitted.
 
         Without a token the name that was asked must be this computer's: a web site that had itself resolved
         to this address could else read the page through the browser that shows it.

@@ -1,4 +1,4 @@
-"""What viewers of a running flight receive: all that they need on connection, then each message.
+"""The feed of a running flight: a viewer first receives all that is needed, then each message.
 
 The recorder tells the feed in the service's event loop, where it puts bytes into lists and no more; the
 page's server takes them in a thread of its own. However slow that is, or dead, what waits is bounded.

@@ -134,7 +134,7 @@ class Square:
 
 @dataclass(frozen=True)
 class Ground:
-    """What there is to draw under the map.
+    """The ground that is drawn under the map.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class Ground:
         return None
 
     def document(self, frame: LocalFrame, bounds_m: tuple[float, ...]) -> dict[str, object]:
-        """What the page needs to draw it about a mission: where tiles lie, and heights.
+        """Return what the page needs to draw the ground about a mission: the tiles' addresses, and heights.
 
         Parameters
         ----------

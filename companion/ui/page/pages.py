@@ -94,7 +94,7 @@ class Pages:
         return {"field": f"/field/{number}"} | ground
 
     def _shows(self, world: WorldDocument) -> bool:
-        """Whether anything is known of the ground."""
+        """Return whether there is any ground to draw."""
         return self._ground is not None or world.knows_ground
 
     def _tile(self, place: Sequence[str]) -> Answer | None:

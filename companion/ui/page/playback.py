@@ -54,7 +54,7 @@ class Playback:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it has no line."""
+        """Whether the playback has no line."""
         return not self._lines
 
 

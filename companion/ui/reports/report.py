@@ -294,7 +294,7 @@ def _value(key: str, value: float | int | bool | str) -> str:
 
 
 def _end_s(record: FlightRecord) -> float:
-    """When the recording ended, as far as it is known [s]."""
+    """Return when the recording ended, as far as that is known [s]."""
     flown = float(record.flown[-1, 0]) if len(record.flown) else 0.0
     return max([flown, *(entry.stamp_s for entry in record.decisions[-1:])])
 
@@ -331,7 +331,7 @@ def _decision_row(record: FlightRecord, entry: Decision, start_s: float) -> str:
 
 
 def _why(decision: Decision) -> str:
-    """Why a plan was made, and the numbers behind the decision."""
+    """Return why a plan was made, and the numbers behind its decision."""
     why = dict(decision.why)
     parts = [in_page(why.pop("occasion"))] if "occasion" in why else []
     for key, value in why.items():

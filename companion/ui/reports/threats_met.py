@@ -1,4 +1,4 @@
-"""How a flight met its threats, in words and numbers; the numbers are the record's."""
+"""The threats that a flight met, in words and numbers; the numbers are the record's."""
 
 from __future__ import annotations
 

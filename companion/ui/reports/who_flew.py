@@ -1,4 +1,4 @@
-"""Who flew when, and why, from the decisions of a recording alone."""
+"""Periods in which the service, the pilot or a failsafe flew, from a recording's decisions."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
 
 
 def who_of(text: str) -> str:
-    """Who flies after a change, by its text; the text itself if it is unknown."""
+    """Return who flies after a change, by its text; the text itself if it is unknown."""
     return next((who for words, who in WHO.items() if text.startswith(words)), text)
 
 

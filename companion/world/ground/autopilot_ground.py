@@ -29,7 +29,7 @@ Heights = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 class ClimbAhead(NamedTuple):
-    """How an ArduPilot climbs ahead of rising ground.
+    """The way in which an ArduPilot climbs ahead of rising ground.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a flight costs: the power that an aircraft takes, by airspeed, climb and turn.
+"""The power that an aircraft takes, by airspeed, climb and turn.
 
 References
 ----------

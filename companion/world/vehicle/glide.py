@@ -1,4 +1,4 @@
-"""How far an aircraft glides with its engine stopped: a turn towards a place, then a straight glide, in wind.
+"""The range of a glide with the engine stopped: a turn towards a place, then a straight glide, in wind.
 
 The glide moves with the air. Seen from the air, the aircraft turns on a circle and flies straight on, and a
 place on the ground moves against the wind while it does so. The time of arrival is the fixed point of that:

@@ -267,7 +267,7 @@ class ArduPlane(MissionPilot):
             self.telemetry.target = None
 
     def _return_end(self, height_m: float) -> Target:
-        """Where a return to launch leads: the nearest rally point within RALLY_LIMIT_KM, else home."""
+        """Return the end of a return to launch: the nearest rally point within RALLY_LIMIT_KM, else home."""
         home, altitude = self.home, self.parameters["RTL_ALTITUDE"]
         end = (home.east_m, home.north_m, height_m if altitude < 0 else home.up_m + altitude)
         rally = self._nearest_rally_point(self.store.items(MissionKind.RALLY))

@@ -1,4 +1,4 @@
-"""Which item is flown, by ArduPlane's rules.
+"""The choice of the flown item by ArduPlane's rules.
 
 The item being flown is a copy: overwriting its slot changes nothing until it is started again. The
 index only moves on arrival, by a jump, or when set. Off the list's end the mission is complete.

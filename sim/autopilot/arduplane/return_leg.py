@@ -80,7 +80,7 @@ def _closest_on(
 
 
 def _is_placed(item: MissionItem) -> bool:
-    """Whether an item is flown to."""
+    """Return whether an item is flown to."""
     return is_navigation(item.command) and bool(item.latitude_e7 or item.longitude_e7)
 
 

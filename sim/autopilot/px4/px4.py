@@ -154,7 +154,7 @@ class Px4(MissionPilot):
 
     @property
     def state(self) -> MissionState:
-        """What MISSION_CURRENT says of the mission."""
+        """The state of the mission in MISSION_CURRENT."""
         if not self.mission_items or (not self._is_feasible and self._check_us is None):
             return MissionState.NO_MISSION
         if self.runner.is_complete:
@@ -356,7 +356,7 @@ class Px4(MissionPilot):
         return any(item.frame not in _RALLY_FRAMES for item in self._lists[MissionKind.RALLY].items)
 
     def _chosen_return_end(self, height_m: float) -> Target:
-        """Where a return leads: home, or a rally point that is nearer; no lower than RTL_RETURN_ALT."""
+        """Return the end of a return: home, or a nearer rally point; no lower than RTL_RETURN_ALT."""
         end, here = (self.home.east_m, self.home.north_m, self.home.up_m), self.flight.position
         rally = self._nearest_rally_point(self._lists[MissionKind.RALLY].items)
         if rally is not None and math.dist(rally[:2], here) < math.dist(end[:2], here):

@@ -1,4 +1,4 @@
-"""Which item is flown, by PX4's rules: the index counts all items from 0, and takes effect at once."""
+"""The choice of the flown item by PX4's rules: its index counts all items from 0 and takes effect at once."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def stored(items: Sequence[MissionItem]) -> StoredList:
 def why_infeasible(
     items: Sequence[MissionItem], requirement: int, glide_deg: float, projection: FastProjection
 ) -> str:
-    """Why a mission is not flown, '' if it is.
+    """Return why a mission is not flown; '' if it is.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _places_of(items: Sequence[MissionItem], command: Command) -> list[int]:
 
 
 def _order_fault(starts: Sequence[int], lands: Sequence[int]) -> str:
-    """What is wrong with where the land starts and the landings stand in the list."""
+    """Return what is wrong with the order of the land starts and the landings in the list."""
     if len(starts) > 1:
         return "more than one land start"
     if lands and lands[0] == 0:
@@ -132,7 +132,7 @@ def _order_fault(starts: Sequence[int], lands: Sequence[int]) -> str:
 
 
 def _requirement_fault(requirement: int, *, has_takeoff: bool, has_landing: bool) -> str:
-    """What ``MIS_TKO_LAND_REQ`` misses."""
+    """Return what is missing for ``MIS_TKO_LAND_REQ``."""
     refusals = {
         1: "" if has_takeoff else "takeoff waypoint required",
         2: "" if has_landing else "landing waypoint/pattern required",
@@ -145,7 +145,7 @@ def _requirement_fault(requirement: int, *, has_takeoff: bool, has_landing: bool
 def _approach_fault(
     before: MissionItem, land: MissionItem, glide_deg: float, projection: FastProjection
 ) -> str:
-    """What is wrong with the way from the item before a landing to it."""
+    """Return what is wrong with the leg to a landing."""
     if before.command not in _POSITIONED:
         return ""
     fall = _height(before, projection) - _height(land, projection)

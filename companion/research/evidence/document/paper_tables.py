@@ -120,7 +120,7 @@ def verdict_text(entry: Judged | None) -> str:
 
 
 def counts_table(every: Sequence[Judged]) -> ResultTable:
-    """How many orderings hold, by settings and by the method that stands for the paper's."""
+    """Return the number of orderings that hold, by settings and by the method that represents the paper's."""
     counted = Counter(
         (entry.case.setting, _ours(entry.ordering) or "comparators alone", entry.verdict) for entry in every
     )

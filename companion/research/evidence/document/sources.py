@@ -9,7 +9,7 @@ _SHORT = 12
 
 
 def provenance_of(evidence: Evidence) -> str:
-    """How many rows there are, and which program and computer made them."""
+    """Return the number of rows, and the program and computer that made them."""
     runs = f"{evidence.num_rows:,} of {evidence.num_wanted:,} runs of `campaigns/{evidence.name}.yaml`"
     commits = ", ".join(f"`{commit[:_SHORT]}{commit[_HASH:]}`" for commit in evidence.commits)
     return f"{runs}, made by commit {commits} on {'; '.join(evidence.machines)}."
