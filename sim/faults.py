@@ -152,7 +152,7 @@ def _bad_link(random: np.random.Generator) -> LinkFaults:
 
 
 def refused(frame: bytes, faults: LinkFaults) -> bytes:
-    """A frame, with an acceptance turned into a refusal if the faults say so."""
+    """Return a frame, with an acceptance turned into a refusal if the faults say so."""
     if frame[0] != MAGIC_V2:
         return frame
     number = int.from_bytes(frame[7:10], "little")

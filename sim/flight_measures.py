@@ -80,7 +80,7 @@ def of_dynamic_threats(encounters: Sequence[Encounter]) -> Measures:
 
 
 def measured(truth: Truth, threats: Sequence[DynamicThreat], radars: Sequence[Radar]) -> FlightMeasures:
-    """The measures of a flight.
+    """Return the measures of a flight.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from .sitl import Flight
 
 
 def record_of(flight: Flight) -> FlightRecord:
-    """The record for the report, with the true paths in place of those known on board."""
+    """Return the record for the report, with the true paths in place of those known on board."""
     truth, measures = flight.simulator.truth, flight.measures()
     return replace(
         flight.recorder.record(flight.summary()),

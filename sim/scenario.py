@@ -144,6 +144,6 @@ def build(
 
 
 def _last_goal(mission: MissionConfig) -> tuple[float, float, float] | None:
-    """The last goal [m], if the mission file has any."""
+    """Return the last goal [m], if the mission file has any."""
     goals = [(goal.east_m, goal.north_m, goal.up_m) for goal in mission.goals]
     return goals[-1] if goals else None

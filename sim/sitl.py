@@ -184,7 +184,7 @@ class Flight:
             await running
 
     def measures(self) -> FlightMeasures:
-        """The encounters with the threats, by the true paths."""
+        """Return the encounters with the threats, by the true paths."""
         mission = self.mission
         return measured(self.simulator.truth, mission.dynamic_threat_list, mission.radar_list)
 

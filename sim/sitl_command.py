@@ -183,7 +183,7 @@ def _pace(speed: float | None, *, has_page: bool) -> float:
 
 
 def _progress(flight: Flight) -> Table:
-    """The live table: the flight's position and the last decision."""
+    """Return the live table: the flight's position and the last decision."""
     table = Table(title=f"{flight.mission.name}, seed {flight.seed}", show_header=False, width=100)
     truth = flight.simulator.truth
     row = truth.path[-1]
@@ -201,7 +201,7 @@ def _progress(flight: Flight) -> Table:
 
 
 def _result(flight: Flight) -> Table:
-    """The summary table."""
+    """Return the summary table."""
     summary = flight.summary()
     verdict = "goal reached" if summary["success"] else "FAILED"
     table = Table(title=f"{flight.mission.name}, seed {flight.seed}: {verdict}")

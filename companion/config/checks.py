@@ -27,7 +27,7 @@ _GRAVITY_M_S2 = 9.80665
 _BANK_MAX_RAD = math.radians(60.0)  # Load factor 2; no autopilot's default exceeds it.
 _AREA_MIN_M2 = 1e-3
 MAP_TOLERANCE_M = 3.0  # A radar may lie this far below the ground of the map, which is not exact.
-MODEL_TRIALS = 33  # A radar's model is tried at so many places along each side of the bounds.
+MODEL_TRIALS = 33  # Places along each side of the bounds at which a radar's model is tried.
 ROUNDED = 0.005  # Rounding to three digits changes a number by at most this share.
 
 

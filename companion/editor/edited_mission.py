@@ -15,11 +15,11 @@ from companion.editor.text_edits import exchanged, parsed
 from companion.errors import ConfigError
 from companion.safe_files import read_file, replace_file
 
-STEPS_MAX = 500  # So many changes can be undone.
-CHANGES_MAX = 2_000  # One step has at most so many changes,
+STEPS_MAX = 500  # Number of changes that can be undone.
+CHANGES_MAX = 2_000  # One step has at most this many changes.
 KINDS = ("set", "move", "bound", "add", "remove", "fence", "exchange")
 CORNERS_MAX = 1_000
-DEPTH_MAX = 6  # and a path so many parts.
+DEPTH_MAX = 6  # The path of a change has at most this many parts.
 MARK = "\ufeff"  # Some editors begin a file with it.
 
 

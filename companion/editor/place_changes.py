@@ -23,8 +23,8 @@ from companion.frames import LocalFrame, transformer_between
 from companion.mission_files.fence_walls import common_area, walls_about
 from companion.mission_files.mission_composition import WALL_REACH_M
 
-DIGITS_M = 1  # Metres are written to a decimetre,
-DIGITS_DEG = 7  # and degrees to a centimetre.
+DIGITS_M = 1  # Metres are written to a decimetre.
+DIGITS_DEG = 7  # Degrees are written to a centimetre.
 Corner = Sequence[float]
 
 

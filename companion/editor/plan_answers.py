@@ -21,8 +21,8 @@ from companion.research.campaign.runs import judged_plan, offline_problem, offli
 from companion.types.path import Path
 from companion.types.plan import Plan
 
-TIME_LIMIT_S = 0.5  # A plan that takes longer is shown as it is by then,
-WHOLE_LIMIT_S = 30.0  # and made to its end, so far as this suffices.
+TIME_LIMIT_S = 0.5  # A plan that takes longer is shown unfinished.
+WHOLE_LIMIT_S = 30.0  # The search is then continued to its end, for at most this time.
 LEVEL_MIN = 0.01  # Below this a place is not under threat.
 # Prices and limits that the page asks for with sliders: the lowest and the highest value of each.
 SLIDERS: dict[str, tuple[float, float]] = {

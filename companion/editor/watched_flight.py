@@ -12,7 +12,7 @@ from companion.errors import CompanionError, ConfigError
 from companion.recording import mcap_schema as channels
 from companion.research.campaign.run_places import WATCHED, places
 
-LINES_MAX = 50_000  # Of a flight so many messages are kept.
+LINES_MAX = 50_000  # Number of a flight's messages that are kept.
 # The page of the editor draws these; others are large, or said again by them.
 TOPICS = frozenset(
     {

@@ -373,7 +373,7 @@ class Scene(Struct):
 
 
 def empty_tree(capacity: int, num_threats: int) -> Tree:
-    """A tree with room for ``capacity`` nodes and ``num_threats`` DTs."""
+    """Return a tree with room for ``capacity`` nodes and ``num_threats`` DTs."""
     zeros: Any = np.zeros
     return Tree(
         state=zeros((capacity, 6)),
@@ -400,12 +400,12 @@ def empty_tree(capacity: int, num_threats: int) -> Tree:
 
 
 def empty_index(capacity: int) -> GridIndex:
-    """An index with room for ``capacity`` rows."""
+    """Return an index with room for ``capacity`` rows."""
     return GridIndex(**_index_arrays(capacity, ()))
 
 
 def empty_indices(capacity: int, trees: int) -> GridIndices:
-    """An index with room for ``capacity`` rows of each of so many trees."""
+    """Return an index with room for ``capacity`` rows of each tree."""
     return GridIndices(**_index_arrays(capacity, (trees,)))
 
 
@@ -420,7 +420,7 @@ def _index_arrays(capacity: int, leading: tuple[int, ...]) -> dict[str, Any]:
 
 
 def empty_pursuers(capacity: int, models: FloatArray, bounds: FloatArray, path_capacity: int = 0) -> Pursuers:
-    """Trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5 or 10).
+    """Return trees with room for ``capacity`` nodes, one a row of ``models`` (D, 5 or 10).
 
     They stay inside ``bounds`` (≥ 4,) [m].
 

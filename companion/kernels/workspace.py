@@ -164,12 +164,12 @@ class Workspace(Struct):
 
 
 def empty_nearest(capacity: int) -> KNearest:
-    """Room for the answer of a query for up to ``capacity`` nodes."""
+    """Return room for the answer of a query for up to ``capacity`` nodes."""
     return KNearest(np.empty(capacity), np.empty(capacity, dtype=np.int64))
 
 
 def empty_rows(capacity: int) -> PathRows:
-    """Room for a path of ``capacity`` rows."""
+    """Return room for a path of ``capacity`` rows."""
     return PathRows(np.empty((capacity, 6)), np.empty(capacity), np.empty((capacity, 2)))
 
 
@@ -179,12 +179,12 @@ def threat_scene(threats: Threats, points: FloatArray, reach: FloatArray, model:
 
 
 def threat_scratch() -> ThreatScratch:
-    """Scratch of the threat model."""
+    """Return the scratch of the threat model."""
     return ThreatScratch(np.empty((MAX_THREATS, 2)), np.empty(3))
 
 
 def filter_scratch() -> FilterScratch:
-    """Matrices of one LQG-MP step."""
+    """Return the matrices of one LQG-MP step."""
     empty = np.empty
     return FilterScratch(
         motion=empty((6, 6)),
@@ -197,7 +197,7 @@ def filter_scratch() -> FilterScratch:
 
 
 def reach_scratch() -> ReachScratch:
-    """Scratch of the reachability estimator."""
+    """Return the scratch of the reachability estimator."""
     return ReachScratch(
         near=empty_nearest(MAX_NEAR),
         targets=empty_nearest(MAX_NEAR),
@@ -209,7 +209,7 @@ def reach_scratch() -> ReachScratch:
 
 
 def workspace(capacity: int, num_threats: int, num_particles: int) -> Workspace:
-    """Scratch for a tree of ``capacity`` nodes, so many DTs and so many particles about a node."""
+    """Return the scratch for a tree of ``capacity`` nodes, a number of DTs, and particles about a node."""
     empty, threat = np.empty, threat_scratch()
     return Workspace(
         sample=empty(3),

@@ -24,7 +24,7 @@ from companion.mission_files.found_places import Importer, Kind
 from companion.plain_text import printable
 from companion.types.mission import Command, MissionItem
 
-LEG_SAMPLES = 200  # A leg that follows the ground is drawn by so many places.
+LEG_SAMPLES = 200  # Places by which a leg that follows the ground is drawn.
 READERS: dict[str, Callable[[Importer, bytes], Sequence[Item]]] = {
     ".plan": items_of_plan,
     ".waypoints": items_of_waypoints,

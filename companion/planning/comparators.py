@@ -15,7 +15,7 @@ class Certainty(IntEnum):
 
     SHIFTED = 0
     LITERAL = 1
-    PROBABILISTIC = 2  # the comparator of Table 5: ν = 0, CF = 1
+    PROBABILISTIC = 2  # The comparator of Table 5: ν = 0, CF = 1.
 
 
 class SubGoalRule(Enum):
@@ -47,16 +47,16 @@ class Strategies:
     use_dynamic_domain: bool = True
     use_uncertainty: bool = True  # δ_q in (2), p_c in (7), particles about nodes
     use_goal_zoom: bool = True
-    follow_field: bool = True  # a share of the samples follows the sub goal's distance field
+    follow_field: bool = True  # A share of the samples follows the sub goal's distance field.
     connect_straight: bool = True  # Greedy-Connect to a sub goal that lies in a new node's domain
-    use_k_near: bool = True  # else the nearest node
+    use_k_near: bool = True  # Otherwise the nearest node is extended.
     dts_are_no_fly: bool = False
     certainty: Certainty = Certainty.SHIFTED
     sub_goal: SubGoalRule = SubGoalRule.HEURISTIC
     estimator: Estimator = Estimator.EX_RRT
-    plays_game: bool = True  # places that a DT could threaten by then are barred (ours)
-    minds_dts: bool = True  # else nothing is received of them
-    may_fly_fast: bool = True  # airspeeds above cruise are tried, too (ours)
+    plays_game: bool = True  # Places that a DT could threaten by then are barred (ours).
+    minds_dts: bool = True  # Otherwise the planner ignores DTs.
+    may_fly_fast: bool = True  # Airspeeds above cruise are tried, too (ours).
     use_safety_adjustment: bool = True
     optimiser: Optimiser = Optimiser.RRT_STAR
     by_objective: bool = True  # J decides, and the tree grows along V; else (9) and sub goals (ours)
@@ -91,12 +91,14 @@ METHODS: dict[str, Strategies] = {
     "safe-rrt-rs": _PRINTED,
     "safe-rrt-certain": Strategies(use_uncertainty=False),
     "safe-rrt-first": Strategies(optimiser=Optimiser.NONE),
-    "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),  # and its samplers
+    # With the paper's samplers.
+    "safe-rrt-printed": replace(_PRINTED, follow_field=False, connect_straight=False),
     "taddrrt": _TADDRRT,
     # DTs are no-fly, by the game of 2.3.
     "nfz-ddrrt": replace(_TADDRRT, plays_game=True),
-    "nfz-ddrrt-printed": replace(_TADDRRT, dts_are_no_fly=True),  # by the threat trees, however fast DTs are
-    "rrt-star": _RRT_STAR,  # what is dear by (9) alone
+    # By the threat trees, at any speed of the DTs.
+    "nfz-ddrrt-printed": replace(_TADDRRT, dts_are_no_fly=True),
+    "rrt-star": _RRT_STAR,  # The cost is (9) alone.
     "edbm": replace(_PRINTED, sub_goal=SubGoalRule.EUCLIDEAN),
     "probabilistic": replace(_PRINTED, certainty=Certainty.PROBABILISTIC),
     "rrt-reach": replace(_PRINTED, estimator=Estimator.RRT_REACH),

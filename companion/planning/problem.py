@@ -63,7 +63,7 @@ class Problem:
 
 
 def rows_at_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> list[int]:
-    """The rows of a path at which it comes to goals in their order, of as many as it comes to.
+    """Return the rows of a path at which it comes to goals in their order, of as many as it comes to.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ class PlannerSettings:
     method: str = "safe-rrt"
     tau_s: float = 1.0
     clearance_min_m: float = 15.0
-    clearance_wanted_m: float = 0.0  # that a path is given where it costs little (ours); 0: none
+    clearance_wanted_m: float = 0.0  # Clearance that a path keeps if it costs little (ours); 0: none.
     sensing_horizon_m: float = 825.0
     num_sub_goal_points: int = 60
     sub_goal_tolerance_steps: float = 8.0
@@ -48,7 +48,7 @@ class PlannerSettings:
     weights_cost: tuple[float, float, float] = (0.5, 0.1, 0.4)  # D_γ of (9)
     goal_zoom: float = 0.3
     guided_share: float = 0.2
-    guided_steps: float = 8.0  # of le, how far ahead of a node these samples lie at most
+    guided_steps: float = 8.0  # Largest distance of these samples ahead of a node, in units of le.
     p_tid: float = 0.5
     k_pursuer: int = 3
     num_secondary: int = 10
@@ -58,16 +58,16 @@ class PlannerSettings:
     certain: float = 0.999
     adjust_collision_max: float = 0.5
     threat_level_max: float = 1.0
-    quality_min: float = 0.0  # of Q (8): no optimiser takes a path below it
-    cost_collision: float = 10.0  # times -log p_c, in (9): at p_c 0.9 a detour of two steps
-    price_seen: float = 3.0  # of a second seen by radars, in J
-    price_pursued: float = 3.0  # of a second within a moving threat's reach
-    price_near: float = 6.0  # of a second without any clearance
-    price_energy: float = 0.35  # at twice the power of cruise; below a third fast flight is cheaper
-    price_collision: float = 20.0  # of -log p_c
-    seen_max_s: float = math.inf  # longest unbroken time in radars' sight
-    pursuit_slack_s: float = 3.0  # earlier than a DT a place is passed
-    pursuit_slack_min_s: float = 0.5  # where no way leaves more
+    quality_min: float = 0.0  # Least Q (8); no optimiser takes a path below it.
+    cost_collision: float = 10.0  # Factor of −log p_c in (9): at p_c 0.9 it costs as much as two steps.
+    price_seen: float = 3.0  # Price in J of a second seen by radars.
+    price_pursued: float = 3.0  # Price of a second within a moving threat's reach.
+    price_near: float = 6.0  # Price of a second without any clearance.
+    price_energy: float = 0.35  # Price of a second at twice the power of cruise; below 1/3, fast is cheaper.
+    price_collision: float = 20.0  # Price of −log p_c.
+    seen_max_s: float = math.inf  # Longest uninterrupted time in radars' sight.
+    pursuit_slack_s: float = 3.0  # Time by which a place is passed before a DT arrives.
+    pursuit_slack_min_s: float = 0.5  # The same where no path leaves more time.
     sub_task_iterations: int = 800
     stall_iterations: int = 300
     max_iterations: int = 60_000
@@ -160,7 +160,7 @@ def settings_for(
 
 
 def _as_comparator(chosen: PlannerSettings) -> PlannerSettings:
-    """The settings with the budgets of comparators."""
+    """Return the settings with the budgets of comparators."""
     star = STAR_ITERATIONS if chosen.method == "rrt-star" else chosen.optimise_iterations
     return replace(
         chosen,

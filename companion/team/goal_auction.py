@@ -38,7 +38,7 @@ from companion.team.wire import (
     tick_near,
 )
 
-TRANSMISSIONS = 4  # What is new is sent so many times at short intervals.
+TRANSMISSIONS = 4  # A new bid is sent this many times at short intervals.
 # A member that is so late bids again. It says then that it will be late by as much again. So the goals behind
 # one that it does not reach are given to others.
 LATE_TICKS = 300

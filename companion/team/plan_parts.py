@@ -9,7 +9,7 @@ class PlanParts:
     """The fragments of plans that have not arrived as a whole."""
 
     def __init__(self) -> None:
-        self._parts: dict[int, dict[int, dict[int, bytes]]] = {}  # by sender and plan number
+        self._parts: dict[int, dict[int, dict[int, bytes]]] = {}  # Parts by sender and plan number.
 
     def joined(self, sender: int, part: Fragment) -> bytes | None:
         """Take in a fragment; returns the data of the whole plan when nothing of it is missing.

@@ -22,8 +22,8 @@ STRAIGHT_AT_FIRST = 0.9  # Most aircraft fly straight; two noisy velocities shal
 KEPT_S = 20.0  # A model is left after such a time, in the mean.
 VELOCITY_STD_M_S = 1.5  # Of each reported component.
 ACCELERATION_STD_M_S2 = 1.0  # Of each component, in addition to the turn.
-GAP_MAX_S = 15.0  # After a longer silence it begins anew,
-FAR = 13.8  # and after a velocity that no model expects: the 99.9 % quantile of chi-square, two degrees.
+GAP_MAX_S = 15.0  # The estimate begins anew after a longer silence.
+FAR = 13.8  # It also begins anew if no model expects a velocity: 99.9 % of chi-square, two degrees.
 
 
 def first_shares() -> FloatArray:

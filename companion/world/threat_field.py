@@ -11,7 +11,7 @@ from companion.kernels.geometry.radar_shadow import NO_SHADOW
 from companion.world.snapshot import Snapshot
 
 NODES_LONG_SIDE = 180  # A picture has this many cells along the longer side of the bounds.
-FLOOR_CELLS = 2  # A radar's floor is the lowest of so many cells of its shadow along each side.
+FLOOR_CELLS = 2  # A radar's floor is the lowest of a square of this many of its shadow's cells.
 
 
 def threat_field(

@@ -34,7 +34,7 @@ def quantiles(values: Iterable[float], unit: str = "") -> Values:
 
 
 def reactions(flights: int) -> list[Reaction]:
-    """A number of flights of each kind."""
+    """Return a number of flights of each kind."""
     return list(itertools.product(CHANGES, Dialect, range(1, flights + 1)))
 
 
@@ -83,7 +83,7 @@ def by_wind(cases: Sequence[Wind], errors_s: Sequence[Sequence[float]]) -> dict[
 
 
 def finite(document: object) -> object:
-    """The document with None in place of infinite numbers and NaN."""
+    """Return the document with None in place of infinite numbers and NaN."""
     if isinstance(document, dict):
         return {key: finite(value) for key, value in document.items()}
     return None if isinstance(document, float) and not math.isfinite(document) else document

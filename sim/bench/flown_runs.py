@@ -17,7 +17,7 @@ from ..sitl import Flight
 
 
 def flight_of(mission: MissionConfig, run: Run, dialect: Dialect, faults: LinkFaultsConfig) -> Flight:
-    """A run's flight, ready to be flown.
+    """Return a run's flight, ready to be flown.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def route_of(mission: MissionConfig, run: Run, dialect: Dialect) -> tuple[Place,
 
 
 def faulty(flight: Flight, faults: LinkFaultsConfig) -> FaultyLink:
-    """The flight's simulator behind a bad link."""
+    """Return the flight's simulator behind a bad link."""
     numbers = faults.model_dump(exclude={"schedule"})
     schedule = None
     if faults.schedule == "random":

@@ -185,7 +185,7 @@ class _Reaction:
 
 
 def reaction_in(simulator: Simulator, change: str, seed: int) -> _Reaction:
-    """The change in a flight, at a moment that is independent of the service's plans."""
+    """Return the change in a flight, at a moment that is independent of the service's plans."""
     return _Reaction(simulator, change, SETTLED_S + 15.0 * (0.618034 * seed % 1.0))
 
 

@@ -97,7 +97,7 @@ class AnytimeRunner:
 
 
 def _exploration(problem: Problem) -> Exploration:
-    """The world and weights of a problem; it is not searched."""
+    """Return the world and weights of a problem; it is not searched."""
     return Exploration(problem, np.random.default_rng(problem.seed))
 
 

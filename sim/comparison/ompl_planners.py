@@ -91,7 +91,7 @@ class _Space:
             self.space.addSubspace(height, 1.0)
 
     def pose(self, state: _Typed) -> Pose:
-        """The pose of a state."""
+        """Return the pose of a state."""
         if self.dimension == 3:
             flat = state[0]
             return flat.getX(), flat.getY(), state[1][0], flat.getYaw()

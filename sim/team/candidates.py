@@ -19,7 +19,7 @@ TURNS = (0, 1, 2, 4, 8)  # Turns waited in the circle.
 # would be refused, again and again.
 ROUNDING_M, ROUNDING_UP_M = 5.0, 2.5
 LEVEL_M = 100.0  # The last part of a path is at the height of the circle, and longer than its radius.
-LEVEL_COST_S = 5.0  # A level more is as good as so much time on the way.
+LEVEL_COST_S = 5.0  # Changing the level once costs as much as this time on the way.
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def paths_to(scene: Scene, circling: Circling, goal: FloatArray) -> list[Candida
         Centre of the circle in which the path ends [m].
     """
     centre, found = circling.centre, []
-    across = np.array([centre[1] - goal[1], goal[0] - centre[0]])  # to the left, as long as the path
+    across = np.array([centre[1] - goal[1], goal[0] - centre[0]])  # To the left, as long as the path.
     for offset in OFFSETS:
         middle = 0.5 * (centre[:2] + goal[:2]) + offset * across
         towards = middle - centre[:2]

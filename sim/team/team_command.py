@@ -37,7 +37,7 @@ def fly_and_show(team: TeamFlight, console: Console) -> bool:
 
 
 def _table(team: TeamFlight) -> Table:
-    """The members, and which two were nearest."""
+    """Return the members, and which two were nearest."""
     summary = team.summary()
     words = "apart" if summary["is_separate"] else "TOO CLOSE"
     table = Table(

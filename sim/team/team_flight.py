@@ -279,7 +279,7 @@ def _mission_of_member(
     begin: FloatArray,
     toward: FloatArray,
 ) -> MissionConfig:
-    """Return the mission of one of so many members, from ``begin`` (2,), towards ``toward`` (2,) [m]."""
+    """Return a member's mission, which begins at ``begin`` (2,) towards ``toward`` (2,) [m]."""
     number, num = member_of
     east_m, north_m = toward - begin
     start = {

@@ -16,7 +16,7 @@ from .candidates import Circling
 from .scenes import Scene
 
 STEP_S = 0.25
-TOGETHER = 8  # Pairs that are near each other are sought for so many instants at once.
+TOGETHER = 8  # Instants at once for which pairs that are near each other are sought.
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,7 +95,7 @@ class LateralGuidance:
         self.cross_track_m = gap - radius_m
         frequency = 2.0 * math.pi / self.period_s
         spring = self.cross_track_m * frequency**2 + outward * 2.0 * self.damping * frequency
-        if outward > 0.0 and tangent < 0.0:  # else a flight towards the centre would go on through it
+        if outward > 0.0 and tangent < 0.0:  # Otherwise a flight towards the centre would pass through it.
             spring = max(spring, 0.0)
         centripetal = tangent * tangent / max(0.5 * radius_m, gap)
         law = direction * (spring + centripetal)

@@ -15,7 +15,7 @@ BoolArray = NDArray[np.bool_]
 STEP_M = 8.0  # Lines of sight are looked at this often.
 NEAR_M = 5.0
 SPACING_M = 100.0  # TERRAIN_SPACING, by default.
-_BLOCK_POSTS = 56 * 16  # An ArduPilot counts heights in blocks of so many.
+_BLOCK_POSTS = 56 * 16  # An ArduPilot counts heights in blocks of this many.
 _CLIMB_SHARE = 0.5  # It looks ahead for ground that rises faster than at this share of its climb.
 
 

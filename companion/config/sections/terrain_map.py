@@ -21,7 +21,7 @@ from companion.world.obstacles import NO_GROUND
 
 CACHED_MAPS_MAX = 4
 SERVED_M = 6_000.0  # An autopilot is served heights so far beyond the bounds.
-WANTED_MORE_M = 10.0  # Without height_wanted_m, so much more than height_min_m is wanted.
+WANTED_MORE_M = 10.0  # The default of height_wanted_m is height_min_m and this.
 COARSE_M = 150.0  # Posts farther apart do not show the ground that an aircraft flies over.
 
 __all__ = ["TerrainError", "ground_heights_of", "ground_of", "posts_of", "served_heights_of", "spacing_m"]

@@ -54,14 +54,14 @@ from companion.types.path import FASTER_M_S, Path, run_on
 from companion.world.ground.autopilot_ground import AutopilotGround
 from companion.world.vehicle.guidance import Track
 
-HORIZONS = 3.0  # A mission carries the path of so many time horizons: beyond, threats are still to be sensed.
+HORIZONS = 3.0  # Time horizons that a mission covers; beyond them threats are still to be sensed.
 # In a team it carries more: the others keep clear of the circle at its end, which would often bar their way.
 TEAM_HORIZONS = 6.0
-HOT_STRETCH = 1.12  # In air 30 K warmer than the standard, ArduPlane flies circles so much wider.
-ENDS_MAX = 12  # So many ends are simulated at each airspeed.
+HOT_STRETCH = 1.12  # In air 30 K warmer than the standard, ArduPlane's circles are wider by this factor.
+ENDS_MAX = 12  # Ends that are simulated at each airspeed.
 SHORTEST_ROWS = 12  # A mission that covers less of the path is over before the next plan is made.
 RUN_ON_M = 400.0  # Where a goal has no room for a circle, the circle may lie so far behind it.
-RUN_ON_ROWS = 4  # Circles behind the goal are tried every so many rows, 100 m apart.
+RUN_ON_ROWS = 4  # Circles behind the goal are tried every four rows, 100 m apart.
 SPACINGS = (1.0, 0.5)  # Waypoints in turns lie as usual first, and half as far apart where that does not do.
 CORRECTIONS = 3  # Further corrections move waypoints by less than a metre.
 GAIN = 0.8  # Share of a deviation by which a waypoint is moved against it: less than 1 converges.
@@ -269,7 +269,7 @@ def _tolerance_m(state: FlightState) -> float:
 def _fitted(
     state: FlightState, part: Path, airspeed_m_s: float, circle: Circle, *, is_last: bool
 ) -> Candidate:
-    """The mission over a part of a path: heights over ground if asked for and allowed, else AMSL."""
+    """Return the mission over a part of a path: heights over ground if asked for and allowed, else AMSL."""
     actions, ground = _actions_along(state, part), followed_ground(state)
     marked = [length for length, _ in actions]
     best, track = _over(state, part, airspeed_m_s, circle, marked, ground)
@@ -316,7 +316,7 @@ def _over(
 def _judged(
     state: FlightState, part: Path, waypoints: Waypoints, circle: Circle
 ) -> tuple[Candidate, Track | None]:
-    """A mission checked as legs and in simulation; its simulated track, if the legs pass the check."""
+    """Return a mission checked as legs and in simulation; its simulated track, if the legs pass the check."""
 
     def wrong_with(found: Waypoints) -> tuple[Violation, ...]:
         legs: FloatArray = np.vstack([part.positions_enu_m[:1], found.positions_enu_m])

@@ -28,15 +28,15 @@ from companion.world.vehicle.vehicle_model import VehicleModel
 TERRAIN_SPACING_M, TERRAIN_LOOKAHD_M = 100.0, 2_000.0  # ArduPlane's defaults.
 LOOK_AHEAD_SHARE = 0.5  # ArduPlane looks ahead for ground that rises faster than at this share of its climb.
 BANK_MAX_DEG = 80.0  # A larger limit of the bank is a misreading.
-LAP_PLACES = 13  # The threat level of a circle is looked up at so many places.
+LAP_PLACES = 13  # Places on a circle at which the threat level is looked up.
 SLOWEST_M_S = 3.0  # Ground speed by which a lap in strong wind is timed at least.
 AT_ONCE_M_S2 = 100.0  # Any change of airspeed is over within a quarter of a second.
 STEP_S = 0.5  # Time between two rows of a simulated track.
 DETOUR_MAX_M = 500.0  # A flight over waypoints is longer than their path by less than that.
 GUSTS_M = 3.0  # Turbulence moves an aircraft so far off its track.
 TOUCHING_M = 1.0  # A track that comes nearer to something is not flown.
-BOUNDS_TOLERANCE_M = 5.0  # A turn may leave the bounds, which are no walls, by so much.
-# The wind at a mission's end may differ by so much from the wind now, east and north [m/s].
+BOUNDS_TOLERANCE_M = 5.0  # A turn may leave the bounds by this distance, since they are no walls.
+# Largest difference of the wind at a mission's end from the wind now, east and north [m/s].
 OTHER_WINDS_M_S = ((2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5))
 LAST_S = 15.0  # So long before the circle the flight in other winds begins.
 DEVIATION_TOLERANCE_M = 10.0  # A track that follows its path more closely needs no correction.
@@ -66,7 +66,7 @@ class Faults(NamedTuple):
     deviation_m: float
 
     def worst(self, other: Faults) -> Faults:
-        """The larger of each of two flights' faults."""
+        """Return the larger of each of two flights' faults."""
         return Faults(
             max(self.on_circle_m, other.on_circle_m),
             self.is_exposed or other.is_exposed,
@@ -95,7 +95,7 @@ NO_FAULTS = Faults(0.0, False, 0.0, 0.0, 0.0)
 
 
 def guidance_of(state: FlightState) -> Guidance:
-    """The autopilot's guidance, by its own parameters as far as they were read."""
+    """Return the autopilot's guidance, by its own parameters as far as they were read."""
     usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
     settings = state.settings
     bank = (
@@ -128,7 +128,7 @@ def followed_ground(state: FlightState) -> AutopilotGround | None:
 
 
 def stored_ground(state: FlightState) -> AutopilotGround | None:
-    """The ground as the autopilot stores it that was served; None without a map, and for a PX4.
+    """Return the ground as the autopilot stores it that was served; None without a map, and for a PX4.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def stored_ground(state: FlightState) -> AutopilotGround | None:
 
 
 def guidance_over(state: FlightState, waypoints: Waypoints, *, at_once: bool = False) -> Guidance:
-    """The autopilot's guidance over a mission, with the airspeed that the mission commands.
+    """Return the autopilot's guidance over a mission, with the airspeed that the mission commands.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def circle_stretch(state: FlightState) -> float:
 
 
 def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:
-    """The aircraft at the start of a path, with its wings level.
+    """Return the aircraft at the start of a path, with its wings level.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def is_circle_taken(state: FlightState, waypoints: Waypoints, arrival_s: float) 
 
 
 def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
-    """The airspeed to command for a path: its last one, but never less than cruise [m/s].
+    """Return the airspeed to command for a path: its last one, but never less than cruise [m/s].
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def commanded_airspeed_m_s(path: Path, vehicle: VehicleModel) -> float:
 
 
 def airspeed_at_end(part: Path, vehicle: VehicleModel, commanded_m_s: float) -> float:
-    """The airspeed at the end of a part of a path, for an aircraft that slows down along it [m/s].
+    """Return the airspeed at the end of a part of a path, for an aircraft that slows down along it [m/s].
 
     Parameters
     ----------

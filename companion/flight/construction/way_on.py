@@ -36,8 +36,8 @@ BY_MISSION = 2.0  # RTL_TYPE.
 DESCENT_S = 60.0  # The aircraft may circle down to the landing for so long.
 ENTRY_OFFSET_RAD = math.radians(25.0)  # The course at the landing's circle may differ by this much.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
-LEFT_OUT_MAX = 2  # So many of the last waypoints are left out at most.
-LENGTH_MAX = 80  # A way on has at most so many items.
+LEFT_OUT_MAX = 2  # At most this many of the last waypoints are left out.
+LENGTH_MAX = 80  # Most items of a way on.
 # The course over the circle's centre, relative to the one from the mission's end: a plan is made for each,
 # until one keeps clear as it is flown.
 TURNS_RAD = tuple(math.radians(turn) for turn in (0.0, 60.0, -60.0, 120.0, -120.0, 180.0))

@@ -44,7 +44,7 @@ from companion.types.mission import Command
 from companion.types.state import Ownship
 
 BACK_S = 6.0  # An aircraft past its field is turned back to it no more often than this.
-OTHERS_MIN = 4  # Another place is taken when it was found so many times in a row, twice a second.
+OTHERS_MIN = 4  # Another place is chosen once it was found this many times in a row, at 2 Hz.
 AGAIN_S = 1.0  # After a failed exchange, the next is tried after this time.
 EARLIEST_S = 0.5  # No mission is entered sooner after its place was chosen.
 LEAD_S = 2.5  # A mission is entered about this long after the place was chosen.

@@ -20,7 +20,7 @@ from companion.types.threat import TrackState
 LEVEL_RISE_MIN = 0.15  # A smaller increase of the threat level is within the variation of the estimates.
 # A path that a moving threat can reach for up to the first time is safe, for more than the second it is not.
 SAFE_S, THREATENED_S = 0.5, 2.0
-# Each judgement takes some milliseconds: so many a second, and so many at once after a quiet time.
+# Most judgements a second, and at once after a quiet time; each takes some milliseconds.
 LOOKS_HZ, LOOKS_AT_ONCE = 3.0, 3.0
 LATERAL_RADII = 1.5  # A vehicle predicted to pass at this many threat radii, and now within one, has turned.
 

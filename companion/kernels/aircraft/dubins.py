@@ -21,7 +21,7 @@ TWO_PI = 2.0 * math.pi
 
 @inlined
 def _mod(angle: float) -> float:
-    """The angle in [0, 2π); values a rounding below 2π count as 0, so that no full circle appears."""
+    """Return the angle in [0, 2π); values a rounding below 2π count as 0, so that no full circle appears."""
     a = angle - TWO_PI * math.floor(angle / TWO_PI)
     return 0.0 if a > TWO_PI - 1e-9 else a
 

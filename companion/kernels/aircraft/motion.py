@@ -18,7 +18,7 @@ STRAIGHT_RATE = 2e-3  # Up to this turn rate an edge counts as straight [rad/s].
 
 @inlined
 def wrapped(angle: float) -> float:
-    """The angle in [-π, π]."""
+    """Return the angle in [-π, π]."""
     turned = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
     return min(math.pi, max(-math.pi, turned))  # the subtraction may round past the ends
 

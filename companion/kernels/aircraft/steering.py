@@ -204,7 +204,7 @@ def fly_targets(
     state: Float1D, wind: tuple[float, float], places: Float2D, circle: Float1D,
     law: SteeringLaw, ground: FollowedGround, every: int, rows: Float2D,
 ) -> None:  # fmt: skip
-    """Fly leg by leg, then round a circle; what is passed every so many steps goes to ``rows`` (K, 7).
+    """Fly leg by leg, then round a circle; one state in ``every`` steps is written to ``rows`` (K, 7).
 
     ``state`` (6,) e n up psi phi v is used up. ``places`` (M + 1, 3) the start of the first leg, and the
     targets. ``circle`` (4,) centre and signed radius of what follows the last; radius 0: its leg goes on.

@@ -16,7 +16,7 @@ from companion.kernels.geometry.prism_distance import clearance, clearance_bound
 from companion.kernels.native.kernel import kernel
 
 FIRST_PICK = 8  # Nodes are picked by the random numbers from this column on.
-PICKS = 8  # So many nodes are compared; the one farthest ahead is followed.
+PICKS = 8  # Nodes that are compared; the one farthest ahead is followed.
 SPREAD = 0.5  # A sample is drawn from a disc whose radius is this share of its distance ahead.
 
 
@@ -127,7 +127,7 @@ def distance_to_go(distances: DistanceField, x: float, y: float) -> float:
 def draw_ahead(
     draws: Float1D, tree: Tree, distances: DistanceField, sub_goal: Float1D, limits: Limits, q_s: Float1D
 ) -> bool:
-    """A sample ahead of a node that is far on; False where no way leads from any node.
+    """Draw a sample ahead of a node that is far on; return False if no way leads from any node.
 
     Of ``PICKS`` nodes drawn from the tree, the one with the least distance to go is followed, up to
     ``distances.ahead`` metres down the field, and the sample is uniform in a disc there. Its height lies
@@ -159,7 +159,7 @@ def draw_ahead(
 
 @kernel
 def _down_the_field(distances: DistanceField, x: float, y: float, wanted: float) -> tuple[int, int]:
-    """The first cell with at most ``wanted`` metres to go, from neighbour to nearest neighbour."""
+    """Return the first cell with at most ``wanted`` metres to go, from neighbour to nearest neighbour."""
     field = distances.field
     i, j = (
         int(round((x - distances.origin[0]) / distances.cell)),

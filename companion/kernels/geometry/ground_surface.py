@@ -23,7 +23,7 @@ PARALLEL_M = 1e-9  # A segment that advances less than this along an axis crosse
 
 @inlined
 def cell_along(x: float, origin: float, spacing: float, n: int) -> int:
-    """The cell of a coordinate along one axis; the first or last one beyond the grid."""
+    """Return the cell of a coordinate along one axis; the first or last one beyond the grid."""
     return min(n - 1, max(0, int(math.floor((x - origin) / spacing))))
 
 
@@ -87,7 +87,7 @@ def ground_hides(px: float, py: float, pz: float, qx: float, qy: float, qz: floa
 def _out_of(
     px: float, py: float, dx: float, dy: float, grid: Float1D, i: int, j: int, i_end: int, j_end: int
 ) -> tuple[float, int, int]:
-    """The fraction at which a segment leaves a cell, at most 1, and the cell that it enters there."""
+    """Return the fraction at which a segment leaves a cell, at most 1, and the cell that it enters there."""
     tx = _leaves(px, dx, grid[0], grid[2], i, i_end)
     ty = _leaves(py, dy, grid[1], grid[2], j, j_end)
     if tx <= ty:

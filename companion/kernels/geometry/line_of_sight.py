@@ -62,7 +62,7 @@ def line_blocked(px: float, py: float, pz: float, qx: float, qy: float, qz: floa
         if abs(dz) > LEVEL_M:  # otherwise the line lies in the slab, because the boxes overlap
             ta, tb = (heights[o, 0] - pz) / dz, (heights[o, 1] - pz) / dz
             t0, t1 = max(t0, min(ta, tb)), min(t1, max(ta, tb))
-        s0, s1 = t0, t1  # the piece between base and top
+        s0, s1 = t0, t1  # The piece between base and top.
         if abs(dx) > LEVEL_M:
             ta, tb = (boxes[o, 0] - px) / dx, (boxes[o, 2] - px) / dx
             t0, t1 = max(t0, min(ta, tb)), min(t1, max(ta, tb))

@@ -203,5 +203,5 @@ def _clip(p: float, d: float, low: float, high: float, t0: float, t1: float) -> 
 
 
 def no_field() -> tuple[FloatArray, FloatArray]:
-    """An empty distance field (0, 0, 0) [m], whose bound is 0 everywhere, and its grid (6,) [m]."""
+    """Return an empty distance field (0, 0, 0) [m], whose bound is 0 everywhere, and its grid (6,) [m]."""
     return np.zeros((0, 0, 0)), np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])

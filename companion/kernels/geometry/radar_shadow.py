@@ -115,7 +115,7 @@ def fill_shadows(shadows: Float2D, grid: Float1D, radar: Float1D, obstacles: Obs
                 low, high = (low, min(high, bound)) if bx > 0.0 else (max(low, bound), high)
             if low - high > 2.0 * spacing:
                 continue
-            first = max(int((low - grid[1]) / spacing) - 1, 0)  # a cell more, for what rounding takes
+            first = max(int((low - grid[1]) / spacing) - 1, 0)  # One more cell allows for rounding.
             last = min(int((high - grid[1]) / spacing) + 2, shadows.shape[1] - 1)
             for j in range(first, last + 1):
                 height = shadow_behind(rx, ry, rz, x, grid[1] + j * spacing, obstacles, o)

@@ -22,8 +22,8 @@ from companion.kernels.native.store import kernel_store
 
 __all__ = ["built"]
 
-FEW = 8  # Starting a process takes as long as compiling so many kernels.
-WORKER_BYTES = 250_000_000  # A process that compiles takes so much memory.
+FEW = 8  # Starting a process takes as long as compiling this many kernels.
+WORKER_BYTES = 250_000_000  # Memory of a process that compiles.
 
 
 def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:

@@ -31,7 +31,7 @@ from companion.kernels.objective.cost_to_go import (
 from companion.kernels.objective.row_costs import Objective, pursuit_danger
 from companion.kernels.threat.pursuit_game import pop_least, push
 
-BEGUN_RADII = 4.0  # The wave begins with exact times within so many turn radii of the start.
+BEGUN_RADII = 4.0  # The wave begins with exact times within this many turn radii of the start.
 EARLY = 0.98  # Upwind differences overestimate times by less than 2 %; this factor takes that off.
 
 

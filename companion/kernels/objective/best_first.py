@@ -42,9 +42,9 @@ from companion.kernels.threat.pursuit_game import pop_least, push
 from companion.kernels.workspace import Workspace
 
 DIRECTIONS, TURNS = 16, 3
-STRAIGHT_STEPS = 2  # A straight motion has at least so many steps, so that fewer nodes are extended.
+STRAIGHT_STEPS = 2  # Fewest steps of a straight motion; longer motions need fewer nodes.
 HEIGHT_CELLS = 0.5  # Height of a cell, as a share of a step.
-NEAR_RADII = 6.0  # Within so many turn radii of a goal, turns count.
+NEAR_RADII = 6.0  # Turns count within this many turn radii of a goal.
 EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is this much earlier.
 PRIME = 1_048_573  # The largest prime below 2^20: a cell's place in the table is its number modulo this.
 EXHAUSTED, UNFINISHED, FULL = -1, -2, -3
@@ -313,7 +313,7 @@ def grow_best_first(search: BestFirst, most: int) -> int:
 
 @kernel
 def node_nearest_to_goal(search: BestFirst) -> int:
-    """The node from which V through all goals that are left is the least."""
+    """Return the node from which V through all goals that are left is the least."""
     nodes, field = search.nodes, search.field
     best, nearest = math.inf, 0
     for i in range(search.sizes[0]):

@@ -85,20 +85,20 @@ def take(queue: Buckets, bucket: int) -> tuple[float, int]:
 
 @inlined
 def entry_of(direction: int, i: int, j: int, k: int) -> int:
-    """A node and its direction as one number, taken apart without a division."""
+    """Return a node and its direction as one number, taken apart without a division."""
     return (((direction << BITS | i) << BITS) | j) << BITS | k
 
 
 @inlined
 def numbers_in(entry: int) -> tuple[int, int, int, int]:
-    """The direction and the node of :func:`entry_of`."""
+    """Return the direction and the node of :func:`entry_of`."""
     mask = (1 << BITS) - 1
     return entry >> 3 * BITS, entry >> 2 * BITS & mask, entry >> BITS & mask, entry & mask
 
 
 @inlined
 def step_of(direction: int) -> tuple[int, int]:
-    """The columns east and north of a step in one of eight directions, counter-clockwise from east."""
+    """Return the columns east and north of a step in one of eight directions, counter-clockwise from east."""
     d = direction % DIRECTIONS
     east = 1 if d == 0 or d == 1 or d == 7 else (0 if d == 2 or d == 6 else -1)
     north = 1 if d == 1 or d == 2 or d == 3 else (0 if d == 0 or d == 4 else -1)

@@ -37,9 +37,9 @@ from companion.kernels.threat.pursuit_game import pop_least, push
 
 SETTLED_S = 1e-6  # A smaller change of V does not count.
 LEAST_PART = 1e-6  # Each node has at least this weight, so that a point on a barred node has a value.
-# So many spacings from its origin, the front is straight enough for second-order differences.
+# This many spacings from its origin, the front is straight enough for second-order differences.
 BENT_CELLS = 4.0
-GOAL_CELLS = 1.5  # V begins at the nodes within so many spacings of the goal.
+GOAL_CELLS = 1.5  # V begins at the nodes within this many spacings of the goal.
 
 
 class CostField(Struct):
@@ -229,7 +229,7 @@ def fill_cost_to_go(field: CostField, g: int, goal: Float1D, limits: Limits, hea
 
 @inlined
 def place_of(value: Float3D, node: int) -> tuple[int, int, int]:
-    """The node of a number in the grid of ``value`` (NX, NY, NZ)."""
+    """Return the node of a number in the grid of ``value`` (NX, NY, NZ)."""
     m, p = value.shape[1], value.shape[2]
     row = node // p
     return row // m, row % m, node % p
@@ -237,7 +237,7 @@ def place_of(value: Float3D, node: int) -> tuple[int, int, int]:
 
 @inlined
 def adjacent(i: int, j: int, k: int, side: int) -> tuple[int, int, int]:
-    """The adjacent node on one of six sides of a node, the first four of them in the plane."""
+    """Return the adjacent node on one of six sides of a node, the first four of them in the plane."""
     step = 1 - 2 * (side % 2)
     if side < 2:
         return i + step, j, k

@@ -35,7 +35,7 @@ CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on clim
 AT_SURFACE, AT_CENTRE = 3.0, 7.0
 # The same where an aircraft keeps its route for certain: beyond a few metres inside, no search passes it.
 AT_KEPT_CENTRE = 100.0
-DEVIATIONS_FREE = 6.0  # At so many standard deviations of clearance, −log p_c is below 1e-7.
+DEVIATIONS_FREE = 6.0  # With this many standard deviations of clearance, −log p_c is below 1e-7.
 
 
 class Prices(Struct):
@@ -144,7 +144,7 @@ def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, tim
 def danger_if(
     there: tuple[float, float, float], pursuers: Pursuers, d: int, x: float, y: float, z: float, time: float
 ) -> float:
-    """The danger if aircraft ``d`` is ``there`` at ``time`` [m]."""
+    """Return the danger if aircraft ``d`` is ``there`` at ``time`` [m]."""
     climbed = 0.0 if pursuers.model[d, 7] else there[2] - pursuers.position[d, 0, 2]
     height = pursuers.model[d, 5] + 2.0 * math.hypot(pursuers.model[d, 6], CLIMB_STD * climbed)
     above = abs(there[2] - z) - height
@@ -170,7 +170,7 @@ def energy_excess(v: float, prices: Prices) -> float:
 
 @inlined
 def collision_price(free: float, time: float, objective: Objective) -> float:
-    """p_collision·(−log p_c) of a row with so much clearance [m], passed at ``time`` [s]."""
+    """Return p_collision·(−log p_c) of a row with a clearance [m], passed at ``time`` [s]."""
     prices, limits, known = objective.prices, objective.limits, objective.deviations
     step = min(known.shape[0] - 1, max(0, int((time - objective.start) / limits.tau + 0.5)))
     if prices.collision == 0.0 or free >= DEVIATIONS_FREE * known[step]:
@@ -226,7 +226,7 @@ def rows_cost(rows: PathRows, first: int, n: int, objective: Objective) -> float
 
 @kernel
 def rows_seen(rows: PathRows, n: int, threats: Threats) -> float:
-    """The integral of m over a path of ``n`` rows [s]."""
+    """Return the integral of m over a path of ``n`` rows [s]."""
     total = 0.0
     for k in range(1, n):
         x, y, z = rows.states[k, 0], rows.states[k, 1], rows.states[k, 2]
@@ -236,7 +236,7 @@ def rows_seen(rows: PathRows, n: int, threats: Threats) -> float:
 
 @kernel
 def longest_seen(rows: PathRows, n: int, threats: Threats) -> float:
-    """The longest unbroken time in sight over a path of ``n`` rows [s]."""
+    """Return the longest unbroken time in sight over a path of ``n`` rows [s]."""
     longest, run = 0.0, 0.0
     for k in range(1, n):
         is_seen = exposure(rows.states[k, 0], rows.states[k, 1], rows.states[k, 2], threats) >= SEEN

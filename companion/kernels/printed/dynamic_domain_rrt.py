@@ -20,7 +20,7 @@ from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.workspace import MAX_STRAIGHT, Straight, Workspace
 
 RUNNING, REACHED, FULL = 0, 1, 2
-TURN_STEPS = 12  # A greedy connection turns towards the sub goal for at most so many steps.
+TURN_STEPS = 12  # Most steps for which a greedy connection turns towards the sub goal.
 
 
 @kernel

@@ -9,7 +9,7 @@ from companion.kernels.search.growth import is_edge_clear
 from companion.kernels.workspace import Step
 
 DROPPED, BLOCKED, LEFT_HORIZON, REPEATED, EXTENDED = 0, 1, 2, 3, 4
-MAX_DESCENT = 8  # So many children are followed where the control towards a sample was tried before.
+MAX_DESCENT = 8  # Children that are followed if the control towards a sample was tried before.
 
 
 @kernel

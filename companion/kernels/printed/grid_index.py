@@ -13,7 +13,7 @@ from companion.kernels.arrays import NUM_CELLS, Float1D, Float2D, GridIndex, Int
 from companion.kernels.native.kernel import inlined_numpy_errors, kernel_numpy_errors
 from companion.kernels.workspace import KNearest
 
-FEW = 48  # Up to so many rows, comparing all of them is faster than the grid.
+FEW = 48  # Up to this many rows, comparing all of them is faster than the grid.
 
 
 @inlined_numpy_errors
@@ -89,7 +89,7 @@ def keep(near: KNearest, found: int, k: int, square: float, row: int) -> int:
 
 @kernel_numpy_errors
 def nearest_of_all(rows: Float2D, n: int, active: Int1D, x: float, y: float, k: int, near: KNearest) -> int:
-    """The ``k`` nearest of ``n`` rows, by looking at each; how many there are.
+    """Return the ``k`` nearest of ``n`` rows, by looking at each; how many there are.
 
     ``rows`` (N, ≥ 2) places [m]; ``active`` (N,) marks those that count, empty: all do.
     """
@@ -139,7 +139,7 @@ def nearest_by_cells(
     index: GridIndex, rows: Float2D, bounds: Float1D, active: Int1D, x: float, y: float, k: int,
     near: KNearest,
 ) -> int:  # fmt: skip
-    """The ``k`` nearest rows of an index, ring by ring of cells about the place; -1 where it is stale.
+    """Return the ``k`` nearest rows of an index, ring by ring of cells about the place; -1 where it is stale.
 
     Stale is an index that gives a row which is no longer there: the tree was rearranged meanwhile.
     Rings begin and end with the extent of what there is. Beyond ring ``r`` everything is at least ``r``
@@ -158,7 +158,7 @@ def nearest_by_cells(
         if found == k and squares[k - 1] < (max(ring - 1, 0) * size) ** 2:
             break
         for i in range(max(extent[0], i0 - ring), min(extent[1], i0 + ring) + 1):
-            inner = abs(i - i0) < ring  # of such a column only the two ends are on the ring
+            inner = abs(i - i0) < ring  # Only the two ends of such a column are on the ring.
             dx = least_distance(x, bounds[0], size, i)
             for j in range(j0 - ring, j0 + ring + 1, 2 * ring if inner else 1):
                 if j < extent[2] or j > extent[3]:

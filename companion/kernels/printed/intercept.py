@@ -19,7 +19,7 @@ from companion.kernels.arrays import Float1D, Obstacles
 from companion.kernels.geometry.line_of_sight import line_blocked
 from companion.kernels.native.kernel import kernel_numpy_errors
 
-NUM_BEARINGS = 16  # q_B is looked for at so many bearings, first at those nearest to the TTree node.
+NUM_BEARINGS = 16  # Bearings at which q_B is sought, first those nearest to the TTree node.
 EYE_M = 2.0  # Sight lines start this far above the ground.
 # An airborne DT climbs at most by this share of its speed: more than aircraft and most drones do.
 AIR_CLIMB = 0.5

@@ -33,7 +33,7 @@ from companion.kernels.printed.threat_tree import (
 from companion.kernels.threat.fuzzy_threat import PASSES
 from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
-NUM_NEIGHBOURS = 4  # So many neighbours of a directly reachable node are tested as well.
+NUM_NEIGHBOURS = 4  # Neighbours of a directly reachable node that are tested, too.
 SPREADS_S = 30.0  # So far ahead it grows less certain where an aircraft that flies on will be.
 NEWS_M = 15.0  # A position of the DT that is nearer by this much is looked at again.
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
@@ -118,7 +118,7 @@ def connect(
 def near_pursuer_nodes(
     pursuers: Pursuers, d: int, x: float, y: float, k: int, everything: Int1D, near: KNearest
 ) -> int:
-    """The ``k`` TTree nodes nearest to a point, by rising time stamp; ``everything`` (0,) is empty."""
+    """Return the ``k`` TTree nodes nearest to a point, by rising time stamp; ``everything`` (0,) is empty."""
     index = pursuers.index
     tree_index = GridIndex(index.cells[d], index.chain[d], index.places[d], index.extent[d], index.filled[d])
     found = nearest(
@@ -132,7 +132,7 @@ def near_pursuer_nodes(
 def promising_corners(
     pursuers: Pursuers, d: int, x: float, y: float, time: float, walls: Obstacles, out: Int1D
 ) -> int:
-    """The corners by which a DT comes earliest to places about (x, y), in time; how many.
+    """Return the corners by which a DT comes earliest to places about (x, y), in time; how many.
 
     Those of the cells in which (x, y) and the bearings of the circle about it lie, earliest first, into
     ``out`` (MAX_NEAR,).
@@ -170,7 +170,7 @@ def promising_corners(
 
 @kernel
 def near_path_nodes(tree: Tree, pursuers: Pursuers, x: float, y: float, k: int, near: KNearest) -> int:
-    """The ``k`` PathTree nodes nearest to a ground point that are searched, by rising time stamp."""
+    """Return the ``k`` PathTree nodes nearest to a ground point that are searched, by rising time stamp."""
     found = nearest(
         pursuers.path_index, tree.state, tree.count[0], pursuers.bounds, tree.active, x, y, k, near
     )

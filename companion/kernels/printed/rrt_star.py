@@ -33,7 +33,7 @@ from companion.kernels.search.growth import collision_cost, grow, next_stage
 from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_flyable_after, join
 from companion.kernels.workspace import MAX_ROWS, PATH_PICKS, EdgeScratch, PathRows, Workspace
 
-STAR_DRAWS = 16  # An iteration uses so many uniform random numbers.
+STAR_DRAWS = 16  # Uniform random numbers that an iteration uses.
 GAIN = 1e-6  # An edge that lowers the cost by less is no better.
 
 

@@ -25,7 +25,7 @@ from companion.kernels.threat.fuzzy_threat import point_threat
 from companion.kernels.workspace import ThreatScene, threat_scene
 
 FREE, OCCUPIED, CONSTRAINED, HIGH_RISK = 0, 1, 2, 3
-FIELD_CELLS = 49  # The distance field's square grid has so many cells along each side.
+FIELD_CELLS = 49  # Cells along each side of the distance field's square grid.
 DETOUR_MAX = 1.25  # A candidate farther than this many horizons around obstacles is removed.
 CLIMB_SHARE = 0.8  # This share of the climb angle remains for the path from a sub goal to the goal.
 

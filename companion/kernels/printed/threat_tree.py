@@ -125,7 +125,7 @@ def _go_on_to_corners(
 
 @kernel_numpy_errors
 def corner_towards(trees: Pursuers, d: int, x: float, y: float, prisms: Obstacles) -> int:
-    """The corner through which a place is reached earliest on a free line; -1 where there is none."""
+    """Return the corner through which a place is reached earliest on a free line; -1 where there is none."""
     position, time, corners, v = trees.position, trees.time, trees.corners, trees.model[d, 0]
     best, arrival = -1, math.inf
     for j in range(corners[d, 0], corners[d, 0] + corners[d, 1]):
@@ -182,7 +182,7 @@ def change_root(
     has_child = v > 0.0 and ahead >= LEAST_STEP_M
     first_time = time + ahead / v if has_child else time
     base = 2 if has_child else 1
-    if v == 0.0:  # it drove when these were grown, and stands now
+    if v == 0.0:  # The vehicle drove when these nodes were grown, and stands now.
         pursuers.count[d] = 0
     num_kept = _keep_later(pursuers, d, first_time, base, kept)
     x, y, z = root
@@ -263,7 +263,7 @@ def _attach_again(
         px, py, pz = position[d, up, 0], position[d, up, 1], position[d, up, 2]
         if not airborne:
             z = pz
-        if x == px and y == py and z == pz:  # the same place as its new parent: one node is enough
+        if x == px and y == py and z == pz:  # The new parent is at the same place: one node is enough.
             where[base + row] = up
             continue
         if line_blocked(px, py, pz, x, y, z, prisms):

@@ -34,7 +34,7 @@ def threats_at(scene: Scene, points: Float2D, scratch: ThreatScratch) -> ThreatS
 
 @inlined
 def threats_when(tree: Tree, i: int, threats: ThreatScene) -> ThreatScene:
-    """The same threats with the DTs where they can be when node ``i`` is reached."""
+    """Return the same threats with the DTs where they can be when node ``i`` is reached."""
     return ThreatScene(threats.threats, tree.threat_point[i], threats.reach, threats.model, threats.scratch)
 
 

@@ -37,7 +37,7 @@ from companion.kernels.threat.fuzzy_threat import node_threat
 from companion.kernels.threat.pursuit_game import is_threatened
 from companion.kernels.workspace import FilterScratch, GrowthScratch, ThreatScene
 
-# An extension uses so many uniform random numbers; the paper's search draws its sample with some of them.
+# Uniform random numbers of an extension; the paper's search draws its sample with some of them.
 DRAWS = 16
 LEAST_DOMAIN = 0.3  # Threat leaves at least this share of DD: with less, several DTs would stop the search.
 LEAST_CLEAR = 1e-12  # A smaller p_c counts as this one.

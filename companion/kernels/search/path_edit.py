@@ -127,7 +127,8 @@ def join(rows: PathRows, n: int, goal: Float1D, limits: Limits) -> tuple[int, in
     start = states[n - 1]
     segments, pose = local_floats(3), local_floats(3)
     slow, fast = min(start[5], goal[5]), max(start[5], goal[5])
-    rho = turn_radius(fast, limits) * (0.5 * (slow + fast) / slow)  # a turn rate is held to the slower end
+    # The turn rate is constant up to the slower end.
+    rho = turn_radius(fast, limits) * (0.5 * (slow + fast) / slow)
     kind = dubins.shortest(start[0], start[1], start[3], goal[0], goal[1], goal[3], rho, segments)
     length = rho * (segments[0] + segments[1] + segments[2])
     if length < 1.0 or fast - slow > SPEED_GAP_M_S or not keeps_turns_apart(kind, segments, limits):
@@ -297,7 +298,7 @@ def fill_short_cut(
 
     Returns the new number of rows, or 0 if it is not, and the row that ``j`` has become.
     """
-    if rows.states[i, 5] > rows.states[j, 5] + SPEED_SPARE_M_S:  # it would be as fast to its end
+    if rows.states[i, 5] > rows.states[j, 5] + SPEED_SPARE_M_S:  # Otherwise it would stay fast to its end.
         return 0, 0
     status, m, at = splice(rows, n, i, rows.states[i], False, j, limits, out)
     if status != JOINED or out.times[at] >= rows.times[j] or not is_flyable(out, m, i + 1, limits):

@@ -34,7 +34,7 @@ def membership(r: float, height: float, l: float, r_max: float, k_r: float) -> f
 
 @inlined
 def speed_share(v: float, model: ThreatModel) -> float:
-    """The speed's part of ν: 0 below the penetration speed, then sin(π(v − v_min)/(2(v_max − v_min))).
+    """Return the speed's part of ν: 0 below the penetration speed, then sin(π(v − v_min)/(2(v_max − v_min))).
 
     The other part is :func:`turned_away`; the non-membership of paper 3.1 is their product.
     """
@@ -76,7 +76,7 @@ def weighted_pair(mu: float, nu: float, cf: float) -> tuple[float, float]:
 
 @inlined
 def turned_away(dx: float, dy: float, dz: float, r: float, course: Float1D) -> float:
-    """The direction's part of ν, sin²(α/2), for a threat at (dx, dy, dz), ``r`` away.
+    """Return the direction's part of ν, sin²(α/2), for a threat at (dx, dy, dz), ``r`` away.
 
     ``course`` (3,) is the velocity's unit vector, α its angle with the line to the threat.
     From the half-angle identity sin²(α/2) = (1 − cos α)/2, which needs no inverse cosine.

@@ -20,20 +20,20 @@ MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear
 WRONG_SIDE_M = 500.0  # On the side on which it should not be passed, the margin is wider by this.
 SLACK_M = 1.0  # Boxes are this much wider than necessary.
 CELL_M = 250.0  # Width of a square.
-CELLS_MAX = 40  # There are at most so many squares each way; in larger worlds they are wider.
+CELLS_MAX = 40  # Most squares each way; in larger worlds they are wider.
 BIN_S = 5.0  # Length of a bin.
-BINS_MAX = 80  # There are at most so many bins; the last one has all that comes later.
+BINS_MAX = 80  # Most bins; the last one has all later times.
 
 
 @inlined
 def slot(value: float, num: int) -> int:
-    """The slot of a value in units of the slots' width; values beyond the ends belong to those."""
+    """Return the slot of a value in units of the slots' width; values beyond the ends belong to those."""
     return int(min(max(value, 0.0), num - 1.0))
 
 
 @inlined
 def cell_at(near: NearAircraft, x: float, y: float, time: float) -> int:
-    """The cell of a place at a time."""
+    """Return the cell of a place at a time."""
     column, row = (
         slot((x - near.west) / near.width, near.columns),
         slot((y - near.south) / near.width, near.rows),

@@ -24,11 +24,11 @@ from companion.kernels.native.kernel import inlined, kernel
 
 DRIVES, FLIES, PASSES_BY = 0.0, 1.0, 2.0  # kinds of DT
 SHORTENED = 0.98  # Sweeping overestimates distances by less than 2 %; this factor takes that off.
-SEED_CELLS = 6  # Within so many cells of a DT, its paths are straight lines.
+SEED_CELLS = 6  # Within this many cells of a DT its paths are straight lines.
 # A wall whose base is higher does not stand on the ground: vehicles pass under it and see through.
 STANDS_M = 1.0
-BEARING_CELLS = 1.5  # Two lines of sight are at most so many cells apart at the rim of a DT's reach.
-# The difference of two cells' arrivals overestimates their distance by at most so many cells.
+BEARING_CELLS = 1.5  # Largest distance of two lines of sight at the rim of a DT's reach, in cells.
+# The difference of two cells' arrivals overestimates their distance by at most this many cells.
 ROUNDED_CELLS = 3.0
 NEAR_M = 1e-9  # A place is at least so far away, where it is divided by that.
 # Cells along each side of a block: where a DT reaches none of them in time, no line of sight is cast.
@@ -201,7 +201,7 @@ def _seen_from(
     best = math.inf
     if wide < 0.0:
         return best
-    if away <= radius:  # where it is now, too, lies on one of the lines
+    if away <= radius:  # Its present position lies on one of the lines, too.
         towards = math.atan2(game.vehicles[d, 1] - y, game.vehicles[d, 0] - x)
         best = _seen_along(game, d, x, y, z, towards, away)
     if best <= soon or game.vehicles[d, 4] <= 0.0:

@@ -21,7 +21,7 @@ from companion.link.wire.decoded_frame import Request
 
 SIDE = 4  # Heights along each side of a square.
 ACROSS, SQUARES = 8, 56  # A request has squares in rows of eight from west to east.
-AT_ONCE = 16  # At most so many squares are sent at once.
+AT_ONCE = 16  # Most squares that are sent at once.
 SPACING_M = range(1, 1_001)  # Other distances between heights are not served.
 INT16 = 32_767.0
 EAST = np.arange(SIDE)

@@ -16,9 +16,9 @@ from companion.frames import FloatArray
 from companion.world.vehicle.glide import Glide
 
 END_SHARE = 0.5  # Share of the glide's own height over its end that is kept over the ground before it.
-FINAL_POINTS = 12  # A final is looked at in so many places.
+FINAL_POINTS = 12  # Places at which a final is checked.
 LEVEL_M = 12.0  # The ground of a place to come down on may differ by this much in height.
-LEVEL_SIDES = 8  # Level ground is looked for at so many points about a place.
+LEVEL_SIDES = 8  # Points about a place at which level ground is sought.
 
 
 def is_glide_over_ground(

@@ -30,10 +30,10 @@ TURN_BEGINS_S = 1.5  # The autopilot takes this long to take a command and to ro
 # turn radii: a turn could contain a nearer field.
 NEAR_RADII, POINTED_RAD = 1.7, math.radians(60.0)
 CORRECTED_S = 30.0  # Longer glides count as this long: what the air does averages out.
-BOUND_RADII = 6.0  # Nearer than so many radii of the circle, a final is flown to its end.
-THERE_RADII = 2.3  # Nearer than so many radii to the field or its circle, no other place is chosen.
+BOUND_RADII = 6.0  # A final is flown to its end once the field is nearer than this many radii of the circle.
+THERE_RADII = 2.3  # No other place is chosen within this many radii of the field or its circle.
 BACK_MIN_M = 5.0  # An aircraft that is past the field and higher than this is turned back to it.
-KEPT_M = -5.0  # A field is given up for another if the model says that so much height is missing.
+KEPT_M = -5.0  # A field is given up for another if, by the model, the height left over is less than this.
 ENERGY_LOST_MAX_M = 20.0  # A slow aircraft gives up at most this height for airspeed.
 KEPT_MARGIN_M = 12.0  # A glide that comes nearer to an obstacle is given up for another.
 

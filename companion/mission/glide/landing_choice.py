@@ -34,16 +34,16 @@ RESERVE_M = 20.0  # Height over a field that must be left by the model: wind and
 CIRCLE_BANK_RAD = math.radians(40.0)
 # Distance of the circle from the field in radii; beyond 3 no turn from the circle contains the field.
 CIRCLE_AWAY = 3.3
-OVERHEAD = 2.2  # On its way to the circle the aircraft keeps so many turn radii from the field.
-SIDES = 12  # So many directions are tried for the circle.
+OVERHEAD = 2.2  # On its way to the circle the aircraft keeps this many turn radii from the field.
+SIDES = 12  # Directions that are tried for the circle.
 RING_SIDES = 24  # A circle is checked as a polygon of this many sides.
 RING_MARGIN_M = 25.0  # Distance that circles keep from obstacles: an aircraft enters them in a swing.
-ROOMY_MARGIN_M = 70.0  # Circles with so much room are preferred: a final may begin with a turn outwards.
+ROOMY_MARGIN_M = 70.0  # Circles with this clearance are preferred: a final may begin with a turn outwards.
 TRACK_MARGIN_M = 25.0  # Distance that glides keep from obstacles: they begin a little elsewhere.
-LOW_SHARE = 0.15  # A glide is checked as well with so much more loss of height.
+LOW_SHARE = 0.15  # A glide is checked again with this share more loss of height.
 # To a place this far behind, by heading or by course, the autopilot may turn to either side.
 EITHER_TURN_RAD = math.radians(135.0)
-# Open ground is sought on so many courses, at these shares of the reach.
+# Open ground is sought on this many courses, at these shares of the reach.
 OPEN_COURSES, OPEN_SHARES = 16, (0.9, 0.7, 0.5, 0.3, 0.15)
 OPEN_RADIUS_M = 60.0  # Radius of a place on open ground.
 CLEAR_OF_PEOPLE_M = 150.0  # Farther from people and obstacles, one open ground is as good as another.

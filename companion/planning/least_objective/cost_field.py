@@ -31,7 +31,7 @@ from companion.world.ground.cell_lookup import cells_along
 CELLS_2D, CELLS_3D = 120, 50
 CELL_MIN_M = 12.5
 LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
-LEVELS_OVER_GROUND = 6  # So many levels lie between the limits of height over ground.
+LEVELS_OVER_GROUND = 6  # Levels between the limits of height over ground.
 TURN_SHARE = 0.8  # Over ground, columns are at least this many turn radii apart: a step turns by an eighth.
 WIND_STEP_M_S = 0.5
 ROUNDED_M = 0.01  # The lowest nodes lie so far above the lowest height.
@@ -39,7 +39,7 @@ HEAP_SHARE = 8  # Each node may wait so often in the heap.
 QUEUE_SHARE, NUM_BUCKETS = 2, 4096  # Each node may wait so often in each direction in the buckets.
 ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
-KEPT = 8  # So many fields of each kind are kept, a megabyte each.
+KEPT = 8  # Fields of each kind that are kept; each takes a megabyte.
 MOST_DANGER = math.inf  # Nothing is barred.
 
 _Key = tuple[object, ...]
@@ -47,7 +47,7 @@ _Made = TypeVar("_Made")
 
 _worlds: OrderedDict[_Key, tuple[CostField, CostField]] = OrderedDict()
 _fields: OrderedDict[_Key, CostToGo] = OrderedDict()
-_lock = RLock()  # a field is made of a world, which is kept by the same function
+_lock = RLock()  # The lock is re-entrant: a field needs a world, which the same function stores.
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class CostToGo:
     coarse: CostField
 
     def bound_s(self, position_enu_m: tuple[float, float, float]) -> float:
-        """A lower bound of J from a place through all goals [s]; infinite where no way leads to them.
+        """Return a lower bound of J from a place through all goals [s]; infinite where no way leads to them.
 
         V is too large by an error that halves at least when the spacing is halved. So it is at most what V
         falls by from the coarse field to the fine one, and that is taken off. Where no way leads through the
@@ -141,7 +141,7 @@ def _key(problem: Problem, objective: Objective) -> tuple[object, ...]:
 
 
 def _empty(problem: Problem, limits: Limits, times: float) -> CostField:
-    """A field over the bounds with nothing in it and no goals, at so many times the usual spacing."""
+    """Return an empty field without goals over the bounds; ``times`` multiplies the usual spacing."""
     west, east, south, north, low, high = (float(bound) for bound in limits.bounds)
     is_plane, longer = limits.dimension == 2, max(east - west, north - south)
     ground = problem.snapshot.obstacles.ground

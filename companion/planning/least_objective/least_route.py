@@ -26,8 +26,8 @@ from companion.planning.least_objective.tree_growth import GrowthRules, Objectiv
 from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
 
-# Past aircraft a higher airspeed is tried where the path at cruise costs so many times what it would without
-# them. Below that, airspeeds would change for turns that the other aircraft often does not go on with.
+# A higher airspeed is tried if other aircraft make the path at cruise cost this many times as much. At a
+# lower factor, airspeeds would change because of turns that the other aircraft often does not continue.
 FASTER_FROM = 2.0
 GAP_M = (
     25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
@@ -157,7 +157,7 @@ class LeastRouteSearch:
         found = self._at_best_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
             found = self._at_best_airspeed(MOST_DANGER)
-            assert found is not None  # nothing is barred, so that the airspeed tried first has an answer
+            assert found is not None  # Nothing is barred, so that the airspeed tried first has a result.
         self._exploration.start_afresh(found.objective.limits.v_cruise)
         return found
 

@@ -11,7 +11,7 @@ from companion.planning.explore import Exploration
 from companion.planning.problem import Problem
 from companion.planning.route import Route
 
-DEVIATION_STEPS = 64  # After so many steps the filter has settled.
+DEVIATION_STEPS = 64  # The filter has settled after this many steps.
 
 
 def prices_of(problem: Problem) -> Prices:
@@ -36,7 +36,7 @@ def prices_of(problem: Problem) -> Prices:
 
 
 def objective_of(exploration: Exploration) -> Objective:
-    """J as it is from the exploration's start on.
+    """Return J for paths from the exploration's start on.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def objective_between(objective: Objective, route: Route, first: int = 1, end: i
 
 
 def seconds_seen(objective: Objective, route: Route) -> float:
-    """The integral over a route of m = 1 − Π(1 − μ) of the known radars [s].
+    """Return the integral over a route of m = 1 − Π(1 − μ) of the known radars [s].
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ def loses_well_clear(objective: Objective, route: Route) -> bool:
 
 
 def detour(exploration: Exploration, route: Route, i: int, j: int, out: PathRows) -> Route | None:
-    """The route with Dubins edges from row ``i`` over a random place to ``j``, if flyable and clear.
+    """Return the route with Dubins edges from row ``i`` over a random place to ``j``, if flyable and clear.
 
     The place is above, below or beside a row between them, at most as far as the aircraft can come until
     there. The route lies in ``out`` (:func:`room_for`).
@@ -125,7 +125,7 @@ def room_for(route: Route) -> PathRows:
 def short_cut(
     exploration: Exploration, route: Route, i: int, j: int, out: PathRows
 ) -> tuple[Route, int] | None:
-    """The route with a Dubins edge from row ``i`` to ``j``, if that is sooner, flyable and clear.
+    """Return the route with a Dubins edge from row ``i`` to ``j``, if that is sooner, flyable and clear.
 
     With it the row that ``j`` has become. It lies in ``out`` (:func:`room_for`).
     """

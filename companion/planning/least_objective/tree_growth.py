@@ -25,10 +25,10 @@ from companion.types.plan import SearchTrace
 
 # A goal counts as passed within this share of its radius: the rest is the autopilot's error.
 GOAL_SHARE = 0.75
-LEAST_EXTENDED = 2_000  # So many nodes are extended however late it is: some 10 ms.
-BURST = 500  # So many nodes are extended between two looks at the time.
-MOTIONS = 9  # A node is extended by at most so many motions, each to a cell.
-# For each node that is extended, the tree has room for at most so many rows for each step of a motion.
+LEAST_EXTENDED = 2_000  # Nodes that are extended even if the time is over; they take about 10 ms.
+BURST = 500  # Nodes that are extended between two checks of the time.
+MOTIONS = 9  # A node is extended by at most this many motions, each to a cell.
+# Room of the tree: rows for each extended node and each step of a motion.
 ROWS_EACH = 12
 
 
@@ -134,7 +134,7 @@ class ObjectiveTree:
                 break
 
     def route(self) -> Route:
-        """The path to the last goal, or to the node with the least V."""
+        """Return the path to the last goal, or to the node with the least V."""
         node = self.end if self.end >= 0 else int(node_nearest_to_goal(self._search))
         rows: list[int] = []
         while node >= 0:
@@ -144,7 +144,7 @@ class ObjectiveTree:
         return Route(self.nodes.state[index], self.nodes.time[index], self.nodes.rate[index])
 
     def trace(self) -> SearchTrace:
-        """The tree for pictures."""
+        """Return the tree for pictures."""
         num = self.num_nodes
         return SearchTrace(
             tree_enu_m=self.nodes.state[:num, :3].copy(), tree_parents=self.nodes.parent[:num].copy()

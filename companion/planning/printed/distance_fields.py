@@ -9,15 +9,15 @@ from companion.kernels.arrays import DistanceField, Limits, Obstacles
 from companion.kernels.geometry.distance_field import fill_distances, fill_free
 from companion.planning.settings import PlannerSettings
 
-FIELD_CELLS = 97  # The grid around a sub goal has so many cells along each side.
-CELL_MIN_M, CELLS_MAX = 30.0, 256  # of the grid over the bounds
+FIELD_CELLS = 97  # Cells along each side of the grid around a sub goal.
+CELL_MIN_M, CELLS_MAX = 30.0, 256  # Cell size and number of cells of the grid over the bounds.
 NO_DISTANCES = DistanceField(np.full((1, 1), np.inf), np.zeros(2), 1.0, 0.0, 0.0)
 
 
 def sub_goal_distances(
     point: FloatArray, limits: Limits, settings: PlannerSettings, obstacles: Obstacles
 ) -> DistanceField:  # fmt: skip
-    """The distance field of a point, over twice the sensing horizon about it.
+    """Return the distance field of a point, over twice the sensing horizon about it.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def sub_goal_distances(
 
 
 def goal_distances(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> DistanceField:
-    """The distance field of a goal, over everything within the bounds.
+    """Return the distance field of a goal, over everything within the bounds.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def goal_distances(goal: FloatArray, limits: Limits, obstacles: Obstacles) -> Di
 
 
 def _over_bounds(limits: Limits) -> DistanceField:
-    """An empty field over everything within the bounds."""
+    """Return an empty field over everything within the bounds."""
     b = limits.bounds
     cell = max(CELL_MIN_M, max(b[1] - b[0], b[3] - b[2]) / CELLS_MAX)
     empty = np.empty((int((b[1] - b[0]) / cell) + 1, int((b[3] - b[2]) / cell) + 1))

@@ -28,7 +28,7 @@ from companion.planning.route import (
 )
 
 LEAST_GAIN = 0.002  # A burst of RRT* that lowers the path's cost by a smaller share has gained nothing.
-PATIENCE = 200  # RRT* ends after so many iterations without a gain.
+PATIENCE = 200  # RRT* ends after this many iterations without a gain.
 RISK_SPARE = 1e-3  # Optimising may raise −log Q by no more than this.
 
 
@@ -113,7 +113,7 @@ def _with_last_edge(exploration: Exploration, scene: Scene, route: Route, end: i
 
 
 def goals_on_the_way(goals: Sequence[GoalRegion]) -> FloatArray:
-    """All goals but the last, in order.
+    """Return all goals but the last, in order.
 
     Returns
     -------

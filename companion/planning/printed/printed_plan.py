@@ -37,7 +37,7 @@ from companion.types.plan import Plan, SearchTrace
 def plan_by_sub_tasks(
     exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float], flown: Path | None
 ) -> Plan:
-    """The plan that sub tasks come to, as the paper prints it; its costs are those of (9).
+    """Return the plan that sub tasks come to, as the paper prints it; its costs are those of (9).
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def worth(exploration: Exploration, route: Route, known: Assessment) -> tuple[bo
 
 
 def trace_of(search: SubTasks) -> SearchTrace:
-    """The trees, reach circles and sub goals as the search left them, for pictures."""
+    """Return the trees, reach circles and sub goals as the search left them, for pictures."""
     exploration = search.exploration
     tree, n = exploration.tree, int(exploration.tree.count[0])
     grown = SearchTrace(

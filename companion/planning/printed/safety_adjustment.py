@@ -21,7 +21,7 @@ REACHES = (
 )  # rows relaid before and after, tried in turn
 SHIFT_MIN_M = 0.2  # Smaller moves of a waypoint make no difference in flight.
 RISK_SAME = 1e-3  # A move may raise −log Q by this much.
-EVERY = 4  # Every so many rows a waypoint is moved: neighbours share their particles' threat levels.
+EVERY = 4  # One row in this many is moved: neighbours share their particles' threat levels.
 
 
 def adjusted_route(
@@ -100,7 +100,7 @@ def particle_shift(exploration: Exploration, assessment: Assessment, k: int) -> 
 def _moved(
     exploration: Exploration, route: Route, k: int, shift: FloatArray, before: int, after: int
 ) -> tuple[Route, int] | None:
-    """The route with row ``k`` shifted and joined to rows before and after it, if flyable and clear.
+    """Return the route with row ``k`` shifted and joined to rows before and after it, if flyable and clear.
 
     With it the row in which what was laid anew ends.
 

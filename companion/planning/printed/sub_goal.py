@@ -91,7 +91,7 @@ def choose_sub_goal(
     home: DistanceField,
     used: list[FloatArray],
 ) -> SubGoal:
-    """The cheapest point of the horizon about the path's end, or the goal where it lies inside.
+    """Return the cheapest point of the horizon about the path's end, or the goal where it lies inside.
 
     Removed after those that :func:`score` removes: points from which the distance to go is longer than from
     the path's end by more than ``DETOUR_SHARE`` of the horizon. They lead into dead ends, which the

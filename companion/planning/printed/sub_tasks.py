@@ -17,9 +17,9 @@ from companion.planning.printed.sub_goal import choose_sub_goal
 from companion.planning.route import Route, route_from_tree
 
 ShouldStop = Callable[[], bool]
-RESTART_AFTER = 6  # After so many failed sub tasks in a row the tree starts anew.
+RESTART_AFTER = 6  # After this many failed sub tasks in a row a new tree begins.
 
-Found = tuple[bool, Route, int]  # whether all goals were passed, the route, and the node at its end
+Found = tuple[bool, Route, int]  # Whether all goals were passed, the route, and the node at its end.
 
 
 class SubTasks:
@@ -133,7 +133,7 @@ class SubTasks:
         return scene._replace(search=search, distances=self.sub_goal_distances(sub_goal))
 
     def nearest_node(self, point: FloatArray) -> int:
-        """The searched node nearest to a point.
+        """Return the searched node nearest to a point.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class SubTasks:
         return int(np.argmin(np.where(self._tree.active[:n] == 1, away, np.inf)))
 
     def sub_goal_distances(self, point: FloatArray) -> DistanceField:
-        """The distance field of a point, over twice the sensing horizon about it.
+        """Return the distance field of a point, over twice the sensing horizon about it.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class SubTasks:
         return sub_goal_distances(point, self._limits, self._problem.settings, obstacles)
 
     def goal_distances(self, goal: FloatArray) -> DistanceField:
-        """The distance field of a goal, over everything within the bounds.
+        """Return the distance field of a goal, over everything within the bounds.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class SubTasks:
         return self._homes[asked]
 
     def nearest_to_go(self, point: FloatArray) -> int:
-        """The searched node with the least distance to go to a point, round obstacles.
+        """Return the searched node with the least distance to go to a point, round obstacles.
 
         The paper keeps the branch nearest to the sub goal; taken as the crow flies that is often one
         that ends at the wrong side of a wall.

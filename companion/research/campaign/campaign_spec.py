@@ -132,16 +132,16 @@ class Campaign:
         )
 
     def mission(self, name: str, setting: str) -> MissionConfig:
-        """A mission under settings."""
+        """Return a mission under settings."""
         overlay = mission_part(self.config.settings[setting])
         return mission_from_document(_overlaid(parse(self.texts[name], name), overlay))
 
     def faults(self, setting: str) -> LinkFaultsConfig:
-        """The link's faults under settings."""
+        """Return the link's faults under settings."""
         return LinkFaultsConfig.model_validate(part_of(self.config.settings[setting], FAULTS))
 
     def encounter(self, setting: str) -> EncounterConfig:
-        """The aircraft that pass under settings."""
+        """Return the aircraft that pass under settings."""
         return EncounterConfig.model_validate(part_of(self.config.settings[setting], ENCOUNTER))
 
     def digest(self, mission: str) -> str:
@@ -149,7 +149,7 @@ class Campaign:
         return _digest(self.texts[mission])
 
     def identity(self) -> dict[str, object]:
-        """The identity of the campaign, for JSON. It consists of lists because the order matters."""
+        """Return the identity of the campaign, for JSON. It consists of lists because the order matters."""
         values = self.config.model_dump(mode="json", exclude={"description", "missions", "settings"})
         lists = {
             "models": [[name, _digest(text)] for name, (text, _) in self.models.items()],
@@ -295,7 +295,7 @@ def _see_that_it_passes(document: Document, campaign: Campaign, mission: str, se
 
 
 def _overlaid(document: Document, overlay: Overlay) -> Document:
-    """A mission file with some values replaced, by their dotted keys."""
+    """Return a mission file with some values replaced, by their dotted keys."""
     data = copy.deepcopy(document.data)
     for key, value in overlay.items():
         data = _with(data, key.split("."), value)

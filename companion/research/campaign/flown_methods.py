@@ -61,11 +61,11 @@ PARTS: Mapping[str, tuple[type[Section], str]] = MappingProxyType(
 
 
 def mission_part(overlay: Mapping[str, object]) -> dict[str, object]:
-    """The settings that change the mission file."""
+    """Return the settings that change the mission file."""
     return {key: value for key, value in overlay.items() if key.partition(".")[0] not in PARTS}
 
 
 def part_of(overlay: Mapping[str, object], wanted: str) -> dict[str, object]:
-    """The settings of one of :data:`PARTS`, by the names of its section."""
+    """Return the settings of one of :data:`PARTS`, by the names of its section."""
     parts = ((key.partition("."), value) for key, value in overlay.items())
     return {name: value for (first, _, name), value in parts if first == wanted}

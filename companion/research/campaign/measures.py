@@ -19,8 +19,8 @@ from companion.types.plan import Plan
 from companion.world.pursuer_trees import threat_trees
 from companion.world.snapshot import Snapshot
 
-NUM_SECONDARY = 10  # So many points are evaluated between two waypoints.
-NUM_NEAR = 3  # So many TTree nodes are tested at a point besides the root and the corners.
+NUM_SECONDARY = 10  # Points between two waypoints that are evaluated.
+NUM_NEAR = 3  # TTree nodes that are tested at a point, in addition to the root and the corners.
 
 
 @dataclass(frozen=True, slots=True)

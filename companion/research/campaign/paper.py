@@ -34,5 +34,5 @@ TABLE_1: dict[tuple[int, str], PaperRow] = {
 
 
 def paper_row(mission_name: str, dimension: int, method: str) -> PaperRow | None:
-    """The paper's row for a method on one of its scenarios, if it has one."""
+    """Return the paper's row for a method on one of its scenarios, if it has one."""
     return TABLE_1.get((dimension, method)) if mission_name.startswith("paper-") else None

@@ -35,7 +35,7 @@ class Provenance:
 
 
 def provenance() -> Provenance:
-    """The provenance of rows made by this program on this computer."""
+    """Return the provenance of rows made by this program on this computer."""
     machine = f"{_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     return Provenance(_commit(), __version__, machine)
 
@@ -48,7 +48,7 @@ def _commit() -> str:
 
 
 def _git(*arguments: str) -> str:
-    """The output of git; empty if there is no git, or if it fails."""
+    """Return the output of git; empty if there is no git, or if it fails."""
     try:
         done = subprocess.run(
             ["git", "-C", str(_SOURCE), *arguments], capture_output=True, text=True, check=False, timeout=30.0

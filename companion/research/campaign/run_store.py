@@ -145,13 +145,13 @@ class RunStore:
             self._lock.close()
 
     def identity(self) -> dict[str, object]:
-        """The campaign's identity, see :meth:`Campaign.identity`; empty if there are no rows yet."""
+        """Return the campaign's identity, see :meth:`Campaign.identity`; empty if there are no rows yet."""
         with _database_errors(self._file):
             rows = self._connection.execute("SELECT value FROM campaign WHERE key = 'identity'").fetchall()
         return cast("dict[str, object]", json.loads(rows[0][0])) if rows else {}
 
     def texts(self) -> dict[str, str]:
-        """The mission files' texts, by the missions' names."""
+        """Return the mission files' texts, by the missions' names."""
         with _database_errors(self._file):
             rows = self._connection.execute("SELECT value FROM campaign WHERE key = 'missions'").fetchall()
         return cast("dict[str, str]", json.loads(rows[0][0])) if rows else {}

@@ -30,7 +30,7 @@ GOAL_TOLERANCE_M = 1.0  # As in flight, where a path may end this much outside t
 
 
 def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | None, seed: int) -> Problem:
-    """The problem the mission file states: from its start, at time 0.
+    """Return the problem the mission file states: from its start, at time 0.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def offline_problem(mission: MissionConfig, snapshot: Snapshot, method: str | No
 
 
 def offline_world(mission: MissionConfig) -> Snapshot:
-    """The mission's world at time 0, each moving threat seen standing at its start."""
+    """Return the mission's world at time 0, each moving threat seen standing at its start."""
     tracks = [
         TrackState(
             stamp_s=0.0,
@@ -226,7 +226,7 @@ def _first_refusal(plans: Sequence[Plan]) -> str | None:
 
 
 def _printed_cell(row: _Row, paper: PaperRow | None) -> tuple[str, ...]:
-    """The paper's column of a row; empty if the paper has no such plans."""
+    """Return the paper's column of a row; empty if the paper has no such plans."""
     if paper is None:
         return ()
     printed = row.of_paper(paper)

@@ -261,7 +261,7 @@ class _File:
         return found
 
     def variables(self, kind: str, labels: Sequence[str], first: int) -> tuple[Variable, ...]:
-        """The variables from number ``first`` on, with their tables."""
+        """Return the variables from number ``first`` on, with their tables."""
         size = len(labels)
         graph = np.array([self.numbers(f"G_{kind}", size, line) for line in range(size)]) > 0.0
         bins = self.numbers(f"r_{kind}", size).astype(int)
@@ -290,7 +290,7 @@ class _File:
             raise self.error(section, "a circle", "a graph without one") from None
 
     def edges(self, variables: Sequence[Variable]) -> tuple[FloatArray, ...]:
-        """The edges (K,) of each variable's bins; none where a line is a star."""
+        """Return the edges (K,) of each variable's bins; none where a line is a star."""
         found, lines = [], self.lines["boundaries"]
         for line, entry in enumerate(variables):
             is_name = line < len(lines) and lines[line].strip() == "*"
@@ -305,7 +305,7 @@ class _File:
 
 
 def _sections(text: str, name: str) -> dict[str, list[str]]:
-    """The lines of each section by its name."""
+    """Return the lines of each section by its name."""
     found: dict[str, list[str]] = {}
     current: list[str] = []
     for line in text.splitlines():

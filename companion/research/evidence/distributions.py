@@ -83,7 +83,7 @@ def violins(kind: str, case: Case) -> Figure | None:
 
 
 def _drawn(kind: str, case: Case) -> list[Measure]:
-    """The measures to draw, of those that a case has values of."""
+    """Return the measures to draw, of those that a case has values of."""
     known = {measure.name: measure for group in GROUPS[kind] for measure in group.measures}
     return [known[name] for name in DRAWN[kind] if _has_values(case, known[name])]
 

@@ -44,7 +44,7 @@ class ResultTable:
 
 
 def number_text(value: float) -> str:
-    """A number for tables: three digits, or a whole number."""
+    """Return a number for tables: three digits, or a whole number."""
     if not math.isfinite(value):
         return NONE
     if 0.0 < abs(value) < 1e-3:
@@ -53,7 +53,7 @@ def number_text(value: float) -> str:
 
 
 def interval_text(interval: Interval) -> str:
-    """An estimate, and its interval in brackets."""
+    """Return an estimate, and its interval in brackets."""
     value, low, high = map(number_text, interval)
     return f"{value} [{low}, {high}]"
 
@@ -115,7 +115,7 @@ def differences_table(case: Case, group: Group) -> ResultTable:
 
 
 def markdown(table: ResultTable) -> str:
-    """A table as Markdown."""
+    """Return a table as Markdown."""
     lines = [
         " | ".join(head for head, _ in table.columns),
         " | ".join("---:" if table.is_numeric(n) else "---" for n in range(len(table.columns))),

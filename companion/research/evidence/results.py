@@ -86,7 +86,7 @@ def write_results(folder: Path, evidence: Evidence) -> tuple[Path, ...]:
 
 
 def _leads(evidence: Evidence) -> list[str]:
-    """The lines that describe the rows."""
+    """Return the lines that describe the rows."""
     runs = f"{evidence.num_rows:,} of {evidence.num_wanted:,} {evidence.kind}."
     if evidence.num_rows < evidence.num_wanted:
         runs += " The campaign is not finished: companion campaign --resume goes on."

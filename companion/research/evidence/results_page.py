@@ -32,7 +32,7 @@ tr.reproduced td.verdict { color: #0d7a3f; font-weight: 600; }
 tr.not-reproduced td.verdict { color: #c8102e; font-weight: 600; }
 """
 )
-WORDS_MAX = 44  # The head of a column has at most so many characters.
+WORDS_MAX = 44  # Most characters of a column's head.
 SCRIPT = """
 for (const button of document.querySelectorAll("th button")) {
   button.addEventListener("click", () => {
@@ -116,7 +116,7 @@ def _table(table: ResultTable) -> str:
 
 
 def _below(words: str) -> str:
-    """The meaning of a head, if it is short enough to be shown there."""
+    """Return the meaning of a head, if it is short enough to be shown there."""
     return f"<small>{in_page(words)}</small>" if 0 < len(words) <= WORDS_MAX else ""
 
 
@@ -134,7 +134,7 @@ def _row(table: ResultTable, row: Sequence[Cell]) -> str:
 
 
 def _kind(table: ResultTable, column: int) -> str:
-    """The CSS class of a column: numbers are aligned to the right, and verdicts are coloured."""
+    """Return the CSS class of a column: numbers are aligned to the right, and verdicts are coloured."""
     if table.columns[column][0] == "verdict":
         return ' class="verdict"'
     return ' class="value"' if table.is_numeric(column) else ""

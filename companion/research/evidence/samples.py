@@ -218,7 +218,7 @@ def paired(first: Mapping[int, float], second: Mapping[int, float]) -> tuple[Flo
 
 
 def evidence_of(store: RunStore) -> Evidence:
-    """All measures of a campaign so far.
+    """Return all measures of a campaign so far.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def evidence_of(store: RunStore) -> Evidence:
 
 
 def stored(store: RunStore) -> tuple[list[Row], Mapping[str, object], Mapping[str, int]]:
-    """A campaign's rows, its identity, and the dimension of each mission.
+    """Return a campaign's rows, its identity, and the dimension of each mission.
 
     Raises
     ------
@@ -288,7 +288,7 @@ def evidence_from(
 
 
 def _pooled(cases: Sequence[Case]) -> list[Case]:
-    """The runs of each mission under all settings as one case, numbered anew."""
+    """Return the runs of each mission under all settings as one case, numbered anew."""
     found = []
     for mission in dict.fromkeys(case.mission for case in cases):
         of_mission = [case for case in cases if case.mission == mission]

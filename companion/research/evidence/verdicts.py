@@ -94,7 +94,7 @@ def judge(case: Case, ordering: Ordering) -> Judged:
 
 
 def verdicts_table(of_case: list[Judged], title: str) -> ResultTable:
-    """A table with one line for each ordering."""
+    """Return a table with one line for each ordering."""
     heads = (
         ("table", "of the paper"),
         ("measure", ""),

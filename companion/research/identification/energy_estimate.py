@@ -65,7 +65,7 @@ def energy_keys(windows: Sequence[EnergyWindow], vehicle: VehicleModel) -> tuple
 
 
 def _key(name: str, row: FloatArray, fit: _Fit) -> NoiseKey:
-    """The key that is a sum of the coefficients, weighted by ``row``, shape (3,)."""
+    """Return the key that is a sum of the coefficients, weighted by ``row``, shape (3,)."""
     value = float(row @ fit.coefficients)
     half = NORMAL_95 * math.sqrt(float(row @ fit.covariance @ row))
     note = f"{fit.num} windows"

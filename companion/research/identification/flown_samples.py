@@ -31,7 +31,7 @@ OFF_PATH_M = 100.0
 CLOCKS_APART_S = 5.0  # A fix and a position that both count from the autopilot's boot differ by at most this.
 GAP_MAX_S = 2.5  # Longest time between two fixes.
 POSITION_GAP_MAX_S = 0.5
-ROWS_MAX = 5_000  # A plan has at most so many rows.
+ROWS_MAX = 5_000  # Most rows of a plan.
 # GPS_RAW_INT: time, latitude, longitude, altitude, dilutions, speed, course, fix type, satellites, height
 # above the ellipsoid, and the accuracies in mm.
 _FIX = struct.Struct("<Q3i4H2Bi3I")
@@ -191,7 +191,7 @@ class _Reports:
         self.accuracies.append(tuple(value if value > 0.0 else math.nan for value in accuracy))  # type: ignore[arg-type]
 
     def errors(self) -> ReportedErrors:
-        """The errors that follow from fixes, positions and velocities together."""
+        """Return the errors that follow from fixes, positions and velocities together."""
         rows = np.array(self.positions).reshape(-1, 9)
         fixes = np.array(self.fixes).reshape(-1, 4)
         return ReportedErrors(
@@ -284,7 +284,7 @@ def _swap_of(row: Document) -> list[tuple[float, int]]:
 
 
 def _path_of(row: Document) -> FlownPath | None:
-    """The recorded path of a plan."""
+    """Return the recorded path of a plan."""
     listed = row.get("path")
     rows = listed[:ROWS_MAX] if isinstance(listed, list) else []
     if len(rows) < MIN_ROWS or not all(isinstance(entry, list) and len(entry) == 7 for entry in rows):
@@ -325,7 +325,7 @@ def _deviations(reports: _Reports, path: FlownPath, begin_s: float, end_s: float
 
 
 def _deviation(path: FlownPath, at: Progress, position: list[float]) -> list[float]:
-    """A row of :attr:`Deviations.values`."""
+    """Return a row of :attr:`Deviations.values`."""
     row, share = at.row, at.share
     start, end = path.positions_enu_m[row], path.positions_enu_m[row + 1]
     along = end - start

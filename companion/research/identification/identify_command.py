@@ -34,7 +34,7 @@ def identify(sources: Sequence[Path], mission_file: Path | None) -> tuple[list[F
 
 
 def document_of(flights: Sequence[Flown], found: Identified) -> dict[str, object]:
-    """The JSON of the command."""
+    """Return the JSON of the command."""
     document: dict[str, object] = {
         "recordings": [flight.name for flight in flights],
         "tracked_s": round(found.tracked_s, 1),
@@ -77,7 +77,7 @@ def _rounded(value: float) -> float:
 
 
 def fragment_of(found: Identified) -> str:
-    """The keys in YAML; keys with too little data are comments."""
+    """Return the keys in YAML; keys with too little data are comments."""
     lines = _section("vehicle", found.keys)
     if found.energy:
         lines += _section("energy", found.energy)

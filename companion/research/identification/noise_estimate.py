@@ -36,7 +36,7 @@ SETTLED = 1e-6  # Λ counts as stationary when a step changes it by less.
 STEPS_MAX = 2_000
 BISECTIONS = 40
 NORMAL_95 = 1.96
-OUTLIER = 6.0  # A fix so many median deviations off has jumped.
+OUTLIER = 6.0  # A fix that is this many median deviations off has jumped.
 FIGURES = ("across the path", "ahead of its times", "above it", "course", "climb angle", "airspeed")
 FIGURE_UNITS = ("m", "m", "m", "°", "°", "m/s")
 ACROSS, ABOVE, SPEED = 0, 2, 5
@@ -243,7 +243,7 @@ def stationary_spreads(
 
 
 def _motion_key(name: str, spread: Spread, tracked_s: float, vehicle: VehicleModel, which: int) -> NoiseKey:
-    """The process noise at which LQG-MP has a spread that was measured."""
+    """Return the process noise at which LQG-MP has a spread that was measured."""
     if tracked_s < TRACKED_MIN_S or not spread.is_enough:
         note = (
             f"too little: {tracked_s:.0f} s along plans, {spread.num_independent:.0f} independent samples; "
@@ -268,7 +268,7 @@ def _motion_key(name: str, spread: Spread, tracked_s: float, vehicle: VehicleMod
 
 
 def _sought(function: Callable[[float], float], goal: float, largest: float) -> float:
-    """The argument at which an increasing function has a value, between 0 and the largest argument."""
+    """Return the argument at which an increasing function has a value, between 0 and the largest argument."""
     if function(0.0) >= goal:
         return 0.0
     if function(largest) <= goal:
@@ -281,7 +281,7 @@ def _sought(function: Callable[[float], float], goal: float, largest: float) -> 
 
 
 def _sensor_keys(reported: Sequence[ReportedErrors], vehicle: VehicleModel) -> list[NoiseKey]:
-    """The accuracy of position and velocity: the larger of the reported and the observed error."""
+    """Return the accuracy of position and velocity: the larger of the reported and the observed error."""
     accuracies = np.concatenate([entry.accuracies for entry in reported])
     innovations = np.concatenate([entry.innovations for entry in reported])
     jerks = np.concatenate([entry.jerks for entry in reported])
@@ -300,7 +300,7 @@ def _sensor_keys(reported: Sequence[ReportedErrors], vehicle: VehicleModel) -> l
 
 
 def _sensor_key(name: str, reported: FloatArray, seen: FloatArray, scale: float) -> NoiseKey:
-    """The larger of the reported accuracy (its median) and the observed noise.
+    """Return the larger of the reported accuracy (its median) and the observed noise.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from urllib.parse import parse_qs
 from companion.errors import ConfigError
 from companion.loopback_server import LOOPBACK, Answer, Request, head_of
 
-TOKEN_MIN = 8  # A token has at least so many characters.
+TOKEN_MIN = 8  # Fewest characters of a token.
 COOKIE = "companion-page"
 _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost"})
 

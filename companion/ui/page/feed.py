@@ -19,9 +19,9 @@ HISTORY, RESET = "/history", "/reset"
 HISTORY_S = 1.0  # Time between rows of the flown path; of longer flights every second row is left out.
 HISTORY_MAX = 2_000
 DECISIONS_KEPT = 300
-BRIEFS_KEPT = 1_000  # So many plans and exchanges are kept without their paths, for the strips.
-PLANS_KEPT = 8  # So many whole plans are kept; one of them is flown.
-NEWS_MAX = 2_000  # So many messages may wait for the server: a minute and a half of them.
+BRIEFS_KEPT = 1_000  # Plans and exchanges that are kept without their paths, for the strips.
+PLANS_KEPT = 8  # Whole plans that are kept; one of them is flown.
+NEWS_MAX = 2_000  # Most messages that wait for the server: those of a minute and a half.
 LAST = (
     channels.PLAN, channels.TREES, channels.TRACKS, channels.THREAT, channels.OWNSHIP, channels.LINK,
     channels.STANDING, channels.ENERGY,
@@ -35,7 +35,7 @@ UNPUBLISHED = frozenset({channels.LOCATION})
 
 
 def line_of(topic: str, data: bytes) -> bytes:
-    """A message as the page reads it: its topic, a space, and JSON."""
+    """Return a message as the page reads it: its topic, a space, and JSON."""
     return topic.encode("ascii") + b" " + data
 
 
@@ -79,7 +79,7 @@ class Feed:
             return
         with self._lock:
             self._keep(topic, now_s, message, data)
-            if topic != channels.MISSION:  # of which the server makes the world
+            if topic != channels.MISSION:  # The server makes the world from the mission.
                 self._add_news(line_of(topic, data))
         self._tell_server()
 
@@ -185,5 +185,5 @@ class Feed:
 
 
 def _rounded(value: object) -> object:
-    """A figure for the strips and the flown path."""
+    """Return a figure for the strips and the flown path."""
     return round(value, _DIGITS) if isinstance(value, float) else value

@@ -26,17 +26,17 @@ from companion.plain_text import printable
 
 FloatArray = NDArray[np.float64]
 TILES, HEIGHTS = ".mbtiles", ".hgt"
-TILE_MAX = 4 * 2**20  # A picture has at most so many bytes.
+TILE_MAX = 4 * 2**20  # Most bytes of a picture.
 ZOOM_MAX = 24
 BUSY_S = 0.2  # Another program may hold the file for this long.
 SPREAD = 1.0  # The area extends the bounds on each side by this share of their longer side.
-CELLS = 384  # The height map has so many cells along the longer side of the area.
+CELLS = 384  # Cells of the height map along the longer side of the area.
 _KINDS = {"png": "image/png", "jpg": "image/jpeg", "jpeg": "image/jpeg", "webp": "image/webp"}
 _UNKNOWN = -32_768
 _NO_STEP = 65_535
-_SIDES = {1201, 3601}  # samples along a degree
-_CREDIT_MAX = 300  # characters
-_FIT_POINTS = 9  # along each side of the area
+_SIDES = {1201, 3601}  # Samples along a degree.
+_CREDIT_MAX = 300  # Most characters of a credit.
+_FIT_POINTS = 9  # Points along each side of the area.
 _OPTION = "--page-ground"
 _SQUARE = re.compile(r"([NS])(\d{2})([EW])(\d{3})\.hgt", re.IGNORECASE)
 
@@ -73,7 +73,7 @@ class Tiles:
         )
         try:
             found = _asked(self.file, query, zoom, column, 2**zoom - 1 - row)
-        except sqlite3.Error:  # it was there when the page was opened; a stick may be pulled out
+        except sqlite3.Error:  # The file existed when the page was opened; a stick may have been pulled out.
             return None
         return bytes(found[0][0]) if found and isinstance(found[0][0], bytes) else None
 
@@ -112,7 +112,7 @@ class Square:
         """
         try:
             samples = np.memmap(self.file, dtype=">i2", mode="r", shape=(self.side, self.side))
-        except (OSError, ValueError):  # gone, or cut off, since the page was opened
+        except (OSError, ValueError):  # The file was removed or cut off since the page was opened.
             return np.full(len(latitude_deg), np.nan)
         down = (self.south_deg + 1 - latitude_deg) * (self.side - 1)
         right = (longitude_deg - self.west_deg) * (self.side - 1)

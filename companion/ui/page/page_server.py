@@ -28,7 +28,7 @@ from companion.ui.page.playback import Playback
 
 CONNECTIONS_MAX = 48  # Three viewers' browsers open six connections each; the rest is reserve.
 TIMEOUT_S = 10.0  # A viewer has this long to send a request, and to accept what is sent.
-WAITING_MAX = 4 * 2**20  # So many bytes may wait for a viewer.
+WAITING_MAX = 4 * 2**20  # Most bytes that wait for a viewer.
 ALIVE_S = 10.0  # Without news, a viewer gets an empty message this often.
 POLL_S = 0.25
 STREAM = "/stream"
@@ -153,7 +153,7 @@ class PageServer:
 
     def _wake(self) -> None:
         """There is news; called in the flight's thread."""
-        with contextlib.suppress(OSError):  # it is awake, or over
+        with contextlib.suppress(OSError):  # The server is awake already, or has ended.
             self._waker.send(b"\0")
 
     def _wake_up(self) -> None:

@@ -16,7 +16,7 @@ from companion.ui.page.world_document import WorldDocument
 from companion.ui.reports.vocabulary import as_script
 
 STATIC = "static"
-DIGITS = 9  # A tile's column has at most so many digits.
+DIGITS = 9  # Most digits of a tile's column.
 KINDS = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -54,7 +54,7 @@ class Pages:
         self._files["/"] = self._files["/index.html"]
 
     def answer(self, request: Request) -> bytes:
-        """The answer to a request, as bytes."""
+        """Return the answer to a request, as bytes."""
         path = request.target.partition("?")[0]
         answer = self._found(path)
         return head_of(answer, *HEADERS) + (b"" if request.method == "HEAD" else answer.body)
@@ -80,7 +80,7 @@ class Pages:
                 return Answer(HTTPStatus.NOT_FOUND, "text/plain", b"there is no such page\n")
 
     def _sources(self) -> dict[str, object]:
-        """The flights and recordings that can be shown."""
+        """Return the flights and recordings that can be shown."""
         live = [] if self._feed is None else [{"name": "live", "stream": "/stream"} | self._data_of("live")]
         recordings = [
             {"name": playback.name, "recording": f"/recording/{number}"} | self._data_of(str(number))
@@ -130,7 +130,7 @@ def _json(document: dict[str, object]) -> Answer:
 
 
 def _field(world: WorldDocument, height: str) -> Answer:
-    """The radars' field at a requested height [m]."""
+    """Return the radars' field at a requested height [m]."""
     try:
         return Answer(HTTPStatus.OK, KINDS[".json"], world.field(float(height[:20])))
     except ValueError:
@@ -138,7 +138,7 @@ def _field(world: WorldDocument, height: str) -> Answer:
 
 
 def static_files() -> dict[str, bytes]:
-    """The page's files by their path."""
+    """Return the page's files by their path."""
     found: dict[str, bytes] = {}
     folder = files("companion.ui.page").joinpath(STATIC)
     for entry in folder.iterdir():

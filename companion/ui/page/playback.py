@@ -16,7 +16,7 @@ from companion.recording.recorder import MCAP
 from companion.ui.page.feed import UNPUBLISHED, line_of
 from companion.ui.page.world_document import WORLD, WorldDocument
 
-MISSION_MAX = 2_000_000  # A mission file has at most so many characters.
+MISSION_MAX = 2_000_000  # Most characters of a mission file.
 
 
 class Playback:
@@ -59,7 +59,7 @@ class Playback:
 
 
 def mcap_of(path: Path) -> Path:
-    """The mcap of a flight: in its folder, or next to a tlog.
+    """Return the mcap of a flight: in its folder, or next to a tlog.
 
     Raises
     ------

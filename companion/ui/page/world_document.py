@@ -22,8 +22,8 @@ WORLD = "/world"
 HEIGHT_STEP_M = 10.0  # The field's height is rounded to this.
 FIELDS_KEPT = 64
 BELOW_M = 500.0  # Floors of radars are sent down to this far below the bounds.
-FLOORS_MAX = 24  # Floors of so many radars are drawn, the mission file's first.
-_CELLS = 160  # along the longer side
+FLOORS_MAX = 24  # Most radars whose floors are drawn; the mission file's come first.
+_CELLS = 160  # Cells along the longer side.
 
 
 class WorldDocument:
@@ -72,7 +72,7 @@ class WorldDocument:
         return self._mission is not None and self._mission.terrain is not None
 
     def ground(self, ground: Ground | None) -> bytes:
-        """The tiles around the mission, and the ground's heights; empty if they cannot be read.
+        """Return the tiles around the mission, and the ground's heights; empty if they cannot be read.
 
         The heights are the mission file's, where it has a map.
         """
@@ -86,7 +86,7 @@ class WorldDocument:
         return self._ground
 
     def field(self, height_m: float) -> bytes:
-        """The radars' joint membership, masked, at a height that is rounded to 10 m.
+        """Return the radars' joint membership, masked, at a height that is rounded to 10 m.
 
         Levels are bytes, 255 for 1, in base64: rows from south to north, each from west to east. While
         the shadows are being computed, the answer says so instead.
@@ -135,7 +135,7 @@ def _json(document: dict[str, object]) -> bytes:
 
 
 def _floor(snapshot: Snapshot, number: int) -> dict[str, object] | None:
-    """The height above which a radar sees; None for a radar whose range is outside of the bounds."""
+    """Return the height above which a radar sees; None for a radar whose range is outside of the bounds."""
     floor, grid = sight_floor(snapshot, number)
     low, high = snapshot.bounds[4:]
     return None if np.isnan(floor).all() else height_grid(floor.clip(low - BELOW_M, high), grid)
@@ -154,7 +154,7 @@ def _heights(mission: MissionConfig) -> dict[str, object] | None:
 
 
 def _document(mission: MissionConfig) -> dict[str, object]:
-    """The answer to ``/world`` about a mission."""
+    """Return the answer to ``/world`` about a mission."""
     start, origin, planning, vehicle = mission.start, mission.origin, mission.planning, mission.vehicle
     goals = [] if mission.goals_from_autopilot else mission.goals
     return {

@@ -28,7 +28,7 @@ from companion.world.threat_field import threat_field
 
 MAP_LONG_IN = 8.4
 SIDE_IN = 3.0
-GROUND_CONTOURS = 10  # About so many contours of the ground are drawn.
+GROUND_CONTOURS = 10  # Approximate number of contours of the ground.
 NUM_RADAR_LABELS_MAX = 24
 
 
@@ -103,7 +103,7 @@ def new_sheet(mission: MissionConfig, snapshot: Snapshot, height_m: float, title
     side.axis("off")
     axes.set_anchor("W")
     draw_frame(axes, snapshot)
-    axes.apply_aspect()  # settles the map's size, which the labels go by
+    axes.apply_aspect()  # This fixes the map's size, on which the labels depend.
     figure.suptitle(printable(title), x=left, y=0.985, ha="left", fontsize=13, fontweight="bold")
     sheet = MapSheet(figure, axes, side, style.Labels(axes), height_m, [])
     draw_world(sheet, mission, snapshot)

@@ -31,8 +31,8 @@ LATERAL_M = 30.0
 NUM_OBSTACLE_SAMPLES_MAX = 1500
 # Colours of the threats that came nearest.
 COLOURS = (style.DYNAMIC, style.FLOWN, style.SUB_GOAL, style.RADAR)
-NAME_CHARACTERS = 14  # A name in a legend has at most so many characters.
-REACHES_SHOWN = 4.0  # Distances are shown up to so many reaches.
+NAME_CHARACTERS = 14  # Most characters of a name in a legend.
+REACHES_SHOWN = 4.0  # Distances are shown up to this many reaches.
 KINDS_MAX, OTHERS = 40, "others"  # The program has fewer kinds of decisions.
 
 
@@ -144,7 +144,7 @@ def decision_chart(record: FlightRecord, start_s: float) -> Figure:
     """Return when which kind of decision was made."""
     figure, axes = _new_chart(WORDS_LEFT)
     heads = [printable(decision_words(entry.kind).head) for entry in record.decisions]
-    kinds = [kind for kind, _ in Counter(heads).most_common(KINDS_MAX)]  # equally many: the first one first
+    kinds = [kind for kind, _ in Counter(heads).most_common(KINDS_MAX)]  # Stable for ties.
     rows = {kind: row for row, kind in enumerate(sorted(kinds, key=heads.index))}
     if len(set(heads)) > len(rows):
         rows[OTHERS] = len(rows)

@@ -156,7 +156,7 @@ def write_report(
 
 
 def html_page(title: str, head: str, body: str, style_sheet: str, *, after: str = "") -> str:
-    """A self-contained HTML page.
+    """Return a self-contained HTML page.
 
     Parameters
     ----------

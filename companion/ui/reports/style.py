@@ -69,9 +69,9 @@ SETTINGS: Final[Any] = {
     "ytick.labelcolor": INK,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
-    "svg.hashsalt": "companion",  # equal records give equal reports
+    "svg.hashsalt": "companion",  # Equal records give equal reports.
     "svg.fonttype": "path",
-    "text.parse_math": False,  # a dollar sign in a name is no formula
+    "text.parse_math": False,  # A dollar sign in a name does not begin a formula.
 }
 
 
@@ -143,7 +143,7 @@ def number_text(value: float) -> str:
 
 
 def round_step(span: float, num_max: int) -> float:
-    """Return the step of 1, 2 or 5 times a power of ten that cuts a span into so many parts at most."""
+    """Return the step of 1, 2 or 5 times a power of ten that cuts a span into at most ``num_max`` parts."""
     raw = max(span, 1e-9) / num_max
     power = 10.0 ** math.floor(math.log10(raw))
     return next(

@@ -23,7 +23,7 @@ def nearest_first(record: FlightRecord) -> list[tuple[Encounter, Closest]]:
 
 
 def words_of(record: FlightRecord) -> str:
-    """The source of the paths that encounters are measured on, in words."""
+    """Return the source of the paths that encounters are measured on, in words."""
     return "by the true paths" if record.dt_paths else "as known on board"
 
 

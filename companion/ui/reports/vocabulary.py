@@ -62,10 +62,10 @@ KINDS: Final = {
 
 
 def decision_words(kind: str) -> Words:
-    """The words for a kind; a kind of another version has its own name."""
+    """Return the words for a kind; a kind of another version has its own name."""
     return KINDS.get(kind, Words(kind))
 
 
 def as_script() -> bytes:
-    """The same for the page: a JavaScript module with ``KINDS``, each with a heading and a state."""
+    """Return the same for the page: a JavaScript module with ``KINDS``, each with a heading and a state."""
     return f"export const KINDS = {json.dumps(KINDS)};\n".encode("ascii")

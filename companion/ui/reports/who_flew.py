@@ -19,7 +19,7 @@ WHO = {
     "other mission or item": "another mission or item of the operator's",
     "at the last goal": "the operator's items behind the goal",
 }
-CHANGES_MAX = 1_000  # So many changes of a flight are listed.
+CHANGES_MAX = 1_000  # Most changes of a flight that are listed.
 CHANGES = frozenset({"mode", "suspended", "arrived"})
 WORTH_TELLING = frozenset(
     {"mission", "takeover", "fault", "ready", "handback", "landed", "restart", "stopped"}
@@ -50,7 +50,7 @@ class Watch:
 
 
 def watches(decisions: Sequence[Decision], ends_s: float) -> list[Watch]:
-    """The parts of a flight, one after the other.
+    """Return the parts of a flight, one after the other.
 
     Parameters
     ----------

@@ -18,9 +18,9 @@ from companion.types.elevation import ElevationPosts
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
 
-EDGE_POINTS = 25  # The edge of the bounds is followed through so many points a side.
+EDGE_POINTS = 25  # Points on each side of the bounds through which their edge is followed.
 CACHE_MB = 4  # GDAL keeps blocks that it has read; each is read once here.
-POSTS_MORE = 2  # So many posts beyond the bounds are read.
+POSTS_MORE = 2  # Posts beyond the bounds that are read.
 
 
 class TerrainError(CompanionError):

@@ -21,8 +21,8 @@ from companion.world.ground.bilinear import bilinear
 from companion.world.ground.elevation_file import TerrainError, posts_over
 
 FINE_M = 12.5  # Posts farther apart than this have others between them.
-CELLS_MAX = 2_000  # The grid has at most so many cells along the longer side of the bounds.
-BLOCK_ROWS = 50  # So many rows of posts are entered at once.
+CELLS_MAX = 2_000  # Most cells along the longer side of the bounds.
+BLOCK_ROWS = 50  # Rows of posts that are entered at once.
 
 
 def spacing_m(posts: ElevationPosts, bounds: tuple[float, ...]) -> float:
@@ -84,7 +84,7 @@ def ground_cells(
 
 
 def _divided(posts: ElevationPosts, parts: int) -> ElevationPosts:
-    """Return posts on the same surface, so many for each."""
+    """Return posts on the same surface, ``parts`` for each."""
     if parts == 1:
         return posts
     rows, columns = ((count - 1) * parts + 1 for count in posts.up_m.shape)

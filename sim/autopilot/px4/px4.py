@@ -257,7 +257,7 @@ class Px4(MissionPilot):
         return self.runner.index
 
     def stored_list(self, kind: MissionKind) -> StoredList:
-        """The list in use."""
+        """Return the list in use."""
         return self._lists[kind]
 
     def switch(self, kind: MissionKind, new: StoredList, current: int | None) -> None:

@@ -26,7 +26,7 @@ _POSITIONED = frozenset({16, 17, 19, 21, 22, 31})
 _FRAMELESS = frozenset(
     {20, 93, 177, 178, 179, 183, 189, 195, 197, 200, 201, 203, 205, 206, 214, 530, 531, 532, 2000, 2001}
 )
-_GLOBAL_FRAMES = {0: 5, 5: 5, 3: 6, 6: 6}  # as sent, and as read back
+_GLOBAL_FRAMES = {0: 5, 5: 5, 3: 6, 6: 6}  # Frames as sent, and as read back.
 _FENCE_COMMANDS = frozenset(range(5000, 5005))
 _RALLY_COMMANDS = frozenset({5100})
 _RELATIVE = (3, 6)
@@ -72,7 +72,7 @@ def verdict_on(kind: MissionKind, item: MissionItem) -> Verdict:
 
 
 def read_back(item: MissionItem, *, is_current: bool) -> MissionItem:
-    """An item as a download gives it: exact but for the frame's number."""
+    """Return an item as a download gives it: exact but for the frame's number."""
     return replace(item, frame=_GLOBAL_FRAMES.get(item.frame, item.frame), is_current=is_current)
 
 
@@ -85,7 +85,7 @@ class StoredList:
 
 
 def stored(items: Sequence[MissionItem]) -> StoredList:
-    """A list as it is switched to, with its checksum; which item was marked current is not kept."""
+    """Return a list as it is switched to, with its checksum; which item was marked current is not kept."""
     kept = tuple(replace(item, is_current=False) for item in items)
     return StoredList(kept, mission_id(kept))
 

@@ -43,7 +43,7 @@ class Owner(Protocol):
         """Sequence marked as current in a download."""
 
     def stored_list(self, kind: MissionKind) -> StoredList:
-        """The list in use."""
+        """Return the list in use."""
 
     def switch(self, kind: MissionKind, new: StoredList, current: int | None) -> None:
         """Use another list from now on; ``current`` is the item marked so, if one was."""

@@ -24,7 +24,7 @@ from companion.research.campaign.engines.runners import Packed, Runner, json_tex
 from companion.research.campaign.provenance import Provenance, provenance
 
 CONNECT_S = 10
-AHEAD = 2  # Each thread of a worker gets so many runs at a time, so that none waits for the next.
+AHEAD = 2  # Each thread of a worker gets this many runs at a time, so that it never waits.
 _Typed = Any  # Dask's objects
 
 _lock = threading.Lock()
@@ -88,7 +88,7 @@ class DaskEngine:
 
 
 def _result(future: _Typed) -> tuple[Packed, Provenance | None]:
-    """The outcome of a run; a run that ended its workers has an outcome, too."""
+    """Return the outcome of a run; a run that ended its workers has an outcome, too."""
     try:
         outcome, made_by = future.result()
     except KilledWorker as error:

@@ -137,14 +137,14 @@ class ProcessEngine:
         return [worker for worker in busy if worker.connection in ready]
 
     def _received(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
-        """The message of a process: that it has warmed up, or the outcome of a run."""
+        """Return the message of a process: that it has warmed up, or the outcome of a run."""
         if worker.is_ready:
             return self._taken(worker, waiting)
         self._greet(worker, waiting)
         return None
 
     def _taken(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
-        """The outcome that a process reports; None if its run should be tried again."""
+        """Return the outcome that a process reports; None if its run should be tried again."""
         run, started, began_s = worker.run, worker.started, worker.began_s
         assert run is not None
         attempts = self._attempts.get(run.number, 0) + 1
@@ -171,7 +171,7 @@ class ProcessEngine:
 
 
 def _end_of(process: BaseProcess) -> str:
-    """The way a process ended, in words."""
+    """Return the way a process ended, in words."""
     code = process.exitcode
     return f"was ended by signal {-code}" if code is not None and code < 0 else f"ended with code {code}"
 
@@ -191,7 +191,7 @@ def _work(connection: Connection, campaign: Campaign, places: dict[str, str]) ->
 
 
 def outcome_of(runner: Runner, run: Run) -> Packed:
-    """The outcome of a run, errors included."""
+    """Return the outcome of a run, errors included."""
     try:
         return packed(runner.outcome(run))
     except Exception as error:

@@ -26,13 +26,13 @@ _LENGTH_MAX = 50_000_000
 
 
 def kept_names(kind: str) -> tuple[str, ...]:
-    """The kept measures of a kind of run."""
+    """Return the kept measures of a kind of run."""
     rates = [name for name, _ in RATES[kind]]
     return tuple(dict.fromkeys([*rates, *(of.name for group in GROUPS[kind] for of in group.measures)]))
 
 
 def kept_text(store: RunStore) -> str:
-    """A campaign's rows as the text of such a file.
+    """Return a campaign's rows as the text of such a file.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from companion.research.evidence.verdicts import PAPER, Judged, Verdict
 _MEASURES = {
     measure.name: measure for measure in (FAILURE, *(one for of in GROUPS["plans"] for one in of.measures))
 }
-Key = tuple[str, Ordering]  # a map, and an ordering with the paper's own methods
+Key = tuple[str, Ordering]  # A map, and an ordering with the paper's own methods.
 
 
 def value_tables(evidence: Evidence) -> Iterator[tuple[int, ResultTable]]:
@@ -94,7 +94,7 @@ def _found(
     settings: Sequence[str],
     nearer: Sequence[str],
 ) -> list[Judged | None]:
-    """The verdicts on an ordering: under each setting, and with other methods of ours in its place."""
+    """Return the verdicts on an ordering: under each setting, and with other methods of ours in its place."""
     ours = OURS if OURS in ordering else ""
     wanted = [(ours, setting) for setting in settings] + [(name, settings[0]) for name in nearer]
     return [known.get(one) for one in wanted]
@@ -112,7 +112,7 @@ def _ordering_row(key: Key, found: Sequence[Judged | None], reasons: Reasons) ->
 
 
 def verdict_text(entry: Judged | None) -> str:
-    """A verdict, its difference, and if it is open the number of runs that would decide it."""
+    """Return a verdict, its difference, and if it is open the number of runs that would decide it."""
     if entry is None or entry.difference is None:
         return NONE
     described = f"{entry.verdict.value} {interval_text(entry.difference)}"
@@ -146,5 +146,5 @@ def _key(entry: Judged) -> Key:
 
 
 def _ours(ordering: Ordering) -> str:
-    """The method of ours that stands for the paper's; empty between comparators."""
+    """Return the method of ours that stands for the paper's; empty between comparators."""
     return next((name for name in (OURS, *OURS_PRINTED) if name in (ordering.less, ordering.more)), "")

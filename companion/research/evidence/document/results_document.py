@@ -30,7 +30,7 @@ _HEAD = """\
 
 
 def results_document(folder: Path) -> str:
-    """The page.
+    """Return the page.
 
     Parameters
     ----------

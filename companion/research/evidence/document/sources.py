@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from companion.research.evidence.samples import Evidence
 
-_HASH = 40  # A commit's name has so many characters.
+_HASH = 40  # Number of characters of a commit's name.
 _SHORT = 12
 
 
