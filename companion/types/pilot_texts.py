@@ -287,6 +287,12 @@ TEXTS = {
         "The last goal was reached.",
         "Land as planned, or take over.",
     ),
+    "goals missed": PilotText(
+        "arrived", Severity.WARNING,
+        "At the last goal, {number} before it not reached",
+        "The mission was flown past its last goal, but not through all goals before it.",
+        "Fly a mission through these goals, or land.",
+    ),
     "landed": PilotText(
         "landed", Severity.INFO,
         "Landed, flight over",
@@ -430,6 +436,7 @@ SUBJECTS = {
     "unsafe path": "path", "unsafe": "path", "take over": "path", "wind": "path",
     "paused": "mode", "flying": "mode", "other item": "mode", "contradiction": "mode", "silent": "mode",
     "failsafe": "mode", "returning": "mode", "arrived": "mode",
+    "goals missed": "mode",
     "return path": "return", "return unsafe": "return", "return safe": "return",
     "meets": "ahead", "meets nothing": "ahead",
     "no thrust": "engine", "thrust": "engine", "glide": "glide", "no field": "glide", "final": "glide",

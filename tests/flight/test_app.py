@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from companion.flight.state.modes import Mode
+from companion.flight.state.modes import Mode, ModeEvent
 from companion.mission.item_difference import difference
 from companion.types.events import MissionCurrent
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
@@ -298,3 +298,12 @@ def test_an_autopilot_that_reboots_is_asked_again():
     ]
     assert any(10.0 < stamp < 13.0 for stamp in asked)
     assert harness.app.mode is Mode.ACTIVE
+
+
+def test_goals_before_the_last_that_were_not_reached_are_told():
+    on_the_way = "goals:\n  - {east_m: 900, north_m: 600, up_m: 100}\n"
+    two_goals = mission_from_text(FIRST_FLIGHT.replace("goals:\n", on_the_way, 1), "first-flight.yaml")
+    past_the_last = at(14.0, lambda harness: harness.app.change(ModeEvent.GOAL_REACHED))
+    harness = SitlHarness(two_goals).fly(16.0, past_the_last)
+    assert harness.texts("arrived") == ["at the last goal, but 1 before it not reached (AUTO)"]
+    assert "At the last goal, 1 before it not reached" in [m.text for _, m in harness.said("STATUSTEXT")]

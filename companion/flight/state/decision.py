@@ -16,6 +16,7 @@ from functools import cached_property
 
 from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.state.flight_state import FlightState
+from companion.flight.state.modes import Mode
 from companion.flight.state.progress import Start, violations_of_rest
 from companion.mission.glide.glide_coverage import coverage_of_path
 from companion.types.path import Path
@@ -64,6 +65,15 @@ class DecisionKind(Enum):
     PARAMETERS = "parameters"
     RECORDING = "recording"
     STOPPED = "stopped"
+
+
+MODE_ANNOUNCEMENTS = {  # Kind, recorded words and pilot's text of entering a mode.
+    Mode.ACTIVE: (DecisionKind.MODE, Mode.ACTIVE.value, "flying"),
+    Mode.LOST: (DecisionKind.MODE, Mode.LOST.value, "silent"),
+    Mode.SUSPENDED: (DecisionKind.SUSPENDED, "another mode is flown", "paused"),
+    Mode.YIELDED: (DecisionKind.SUSPENDED, "other mission or item", "other item"),
+    Mode.ARRIVED: (DecisionKind.ARRIVED, "at the last goal", "arrived"),
+}
 
 
 class Verdict(Enum):

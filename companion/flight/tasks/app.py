@@ -13,7 +13,7 @@ from companion.assurance.emergency import EmergencyStep
 from companion.config import MissionConfig
 from companion.config.pilot_parameters import ENABLE, Sender
 from companion.flight.messages.link_watch import LinkWatch
-from companion.flight.state.decision import DecisionKind
+from companion.flight.state.decision import MODE_ANNOUNCEMENTS, DecisionKind
 from companion.flight.state.flight_state import (
     FlightState,
     after_armed_reported,
@@ -62,13 +62,6 @@ FRESH_AGAIN = "all is heard again"  # The recorded occasion of a plan after an i
 OTHER_GOALS = "the team's goals are divided anew"
 DEVIATES = "the aircraft does not do what its plan says"  # The recorded occasion of such a plan.
 LAST_TEXT_S = 0.2  # Time for the last texts to be sent before the link is closed.
-MODE_ANNOUNCEMENTS = {  # Kind, recorded words and pilot's text of entering a mode.
-    Mode.ACTIVE: (DecisionKind.MODE, Mode.ACTIVE.value, "flying"),
-    Mode.LOST: (DecisionKind.MODE, Mode.LOST.value, "silent"),
-    Mode.SUSPENDED: (DecisionKind.SUSPENDED, "another mode is flown", "paused"),
-    Mode.YIELDED: (DecisionKind.SUSPENDED, "other mission or item", "other item"),
-    Mode.ARRIVED: (DecisionKind.ARRIVED, "at the last goal", "arrived"),
-}
 
 _log = logging.getLogger(__name__)
 
@@ -278,21 +271,25 @@ class App:
             self.replanning.break_off()
             self._way_home.break_off()
         kind, words, tell = MODE_ANNOUNCEMENTS.get(mode, (DecisionKind.MODE, mode.value, ""))
-        if mode in (Mode.SUSPENDED, Mode.YIELDED):
-            words, tell = self._why_suspended(words, tell)
+        words, tell = self._words_of(mode, words, tell)
         mission, resumes = self.link.autopilot.mission_mode, self.state.mission.authority.resume == "auto"
         back = f"{mission} resumes" if mode is Mode.SUSPENDED else f"Leave {mission} and return to resume"
         self.announcer.decide(
             kind, f"{words} ({self.autopilot_mode or 'no autopilot'})",
             tell=tell, mode=self.autopilot_mode, back=back if resumes else "It will not resume",
+            number=len(self.state.goals_left[:-1]),
         )  # fmt: skip
         if mode is Mode.ACTIVE and not self._parameters.is_replanning:
             text = f"replanning is switched off by {ENABLE}"
             self.announcer.decide(DecisionKind.PARAMETERS, text, tell="off", parameter=ENABLE)
         self._record_status()
 
-    def _why_suspended(self, words: str, tell: str) -> tuple[str, str]:
-        """Return why the service is suspended: the recorded words, and the key of the pilot's text."""
+    def _words_of(self, mode: Mode, words: str, tell: str) -> tuple[str, str]:
+        """Return the recorded words of entering a mode, and the key of the pilot's text."""
+        if mode is Mode.ARRIVED and (num_missed := len(self.state.goals_left[:-1])):
+            return f"{words}, but {num_missed} before it not reached", "goals missed"
+        if mode not in (Mode.SUSPENDED, Mode.YIELDED):
+            return words, tell
         if self.replanning.handover.reader.position is MissionPosition.RETURNING:
             return "on the return path", "returning"
         if self.replanning.energy.is_turning_back and self.mode is Mode.YIELDED:

@@ -1,7 +1,7 @@
 """Who flew when: every state of the service's has its words, and a day is told from its decisions alone."""
 
+from companion.flight.state.decision import MODE_ANNOUNCEMENTS
 from companion.flight.state.modes import Mode
-from companion.flight.tasks.app import MODE_ANNOUNCEMENTS
 from companion.recording.reader import load_recording
 from companion.types.record import Decision
 from companion.ui.reports.who_flew import WHO, watches, who_flew_table, who_of
