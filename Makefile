@@ -161,6 +161,10 @@ team-fast: $(STAMP) ## fly RUNS teams of AIRCRAFT (128) that share their plans, 
 team-goals: $(STAMP) ## fly N (50) teams of four that share goals, of which one is gone at a random moment; FLAGS=--px4
 	$(BIN)/python -m tests.team -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
+.PHONY: team-maps
+team-maps: $(STAMP) ## fly N (50) teams of two to eight over random maps, paper-2d and city-block, with shared plans and without
+	$(BIN)/python -m tests.team maps -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+
 # Rows and tables lie in flights/encounters; FLAGS=--resume goes on with what was stopped.
 encounters: $(STAMP) ## fly encounters with the models of MIT Lincoln Laboratory in the folder MODELS, and print their tables
 	MODELS='$(abspath $(MODELS))' $(BIN)/companion campaign campaigns/encounters/lincoln.yaml \
