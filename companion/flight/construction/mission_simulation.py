@@ -38,7 +38,7 @@ TOUCHING_M = 1.0  # A track that comes nearer to something is not flown.
 BOUNDS_TOLERANCE_M = 5.0  # A turn may leave the bounds by this distance, since they are no walls.
 # Largest difference of the wind at a mission's end from the wind now, east and north [m/s].
 OTHER_WINDS_M_S = ((2.5, 0.0), (-2.5, 0.0), (0.0, 2.5), (0.0, -2.5))
-LAST_S = 15.0  # So long before the circle the flight in other winds begins.
+LAST_S = 15.0  # The flight in other winds begins this long before the circle.
 DEVIATION_TOLERANCE_M = 10.0  # A track that follows its path more closely needs no correction.
 
 

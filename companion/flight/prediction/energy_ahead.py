@@ -207,8 +207,8 @@ def affords(
     items : sequence of MissionItem
         The whole list.
     now : EnergyNow or None
-        What is left, and how fast it falls. Where that is not known, or a section ``energy`` or a return path
-        is missing, the result is True.
+        The energy left and its rate. If these are unknown, or there is no section ``energy`` or no return
+        path, the result is True.
     """
     model, energy = power_model_of(state.mission), state.mission.energy
     tracks = tracks_by_return_path(state, ownship, items)

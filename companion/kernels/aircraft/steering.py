@@ -9,7 +9,7 @@ Park, Deyst, How, "A New Nonlinear Guidance Logic for Trajectory Tracking", AIAA
 the form of ArduPilot's ``AP_L1_Control.cpp`` (period and damping for the distance), with its loiter law.
 ArduPilot, ``Plane::set_target_altitude_proportion_terrain``, ``Plane::lookahead_adjustment`` and
 ``AP_Terrain::lookahead``: heights over ground. Versions up to 4.7 make a small descent at once, 4.8 along the
-leg; here it is made at once, which is the lower of both.
+leg. The kernel makes it at once, which is the lower path of the two.
 Beard, McLain, *Small Unmanned Aircraft*, 2012, eq. (9.14): the coordinated turn.
 """
 

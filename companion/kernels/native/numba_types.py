@@ -1,4 +1,4 @@
-"""Teaches numba structures, kernels and local arrays. Importing this module does it."""
+"""Teaches numba structures, kernels and local arrays. Importing this module registers them."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ from companion.kernels.threat.fuzzy_threat import PASSES
 from companion.kernels.workspace import MAX_NEAR, KNearest, ReachScratch
 
 NUM_NEIGHBOURS = 4  # Neighbours of a directly reachable node that are tested, too.
-SPREADS_S = 30.0  # So far ahead it grows less certain where an aircraft that flies on will be.
+SPREADS_S = 30.0  # The position of an aircraft that flies on becomes less certain up to this time ahead.
 NEWS_M = 15.0  # A position of the DT that is nearer by this much is looked at again.
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 

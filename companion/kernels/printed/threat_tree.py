@@ -244,7 +244,7 @@ def _attach_again(
 ) -> None:
     """Append ``num_kept`` nodes whose line to their parent is free; the others fall away with their branches.
 
-    A kept node at a corner that is there already gives its branches to that.
+    A kept node at a corner that already has a node gives its branches to that node.
     """
     position, heading, time = trees.position, trees.heading, trees.time
     airborne = trees.model[d, 3] > 0.0

@@ -139,8 +139,8 @@ def _sweep(way: Float2D, tops: Float2D, cell: float, right: int, up: int) -> boo
 def threatened_from(game: Game, x: float, y: float, z: float, soon: float, late: float) -> float:
     """``C(q)``, the earliest moment at which a place is under a DT's threat [s].
 
-    Infinite where it never is. Any moment up to ``soon`` is as good as the earliest, and any after ``late``
-    as good as never: less is looked at.
+    It is infinite if the place never is. To save time, any moment up to ``soon`` may be returned for the
+    earliest, and infinity for any moment after ``late``.
     """
     best = math.inf
     vehicles = game.vehicles

@@ -22,8 +22,8 @@ from companion.mission.glide.landing_choice import (
 from companion.types.path import Path
 from companion.world.vehicle.glide import heading_of
 
-# Until a missing thrust is noticed and the glide begins, the aircraft flies on for so many seconds, at least
-# and at most. Its excess of airspeed keeps the height meanwhile.
+# Least and largest time for which the aircraft flies on until missing thrust is noticed and the glide begins.
+# Its excess of airspeed keeps the height meanwhile.
 REACTION_S = (2, 7)
 STEP_S = 1.0  # A path is looked at once a second.
 

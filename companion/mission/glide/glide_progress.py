@@ -22,14 +22,14 @@ from companion.tracking.ownship import predicted
 from companion.types.state import Ownship
 from companion.world.vehicle.glide import GRAVITY_M_S2, Glide, glide_to
 
-# The final begins when the height that would be left over the field is less than this, and so much for each
-# second of the glide to it: air that rises or sinks may change the rate of sink by so much.
+# The final begins when the height that would be left over the field is less than the first number, plus the
+# second for each second of the glide: rising or sinking air may change the rate of sink by that much.
 FINAL_M, FINAL_M_S = 1.0, 0.25
 TURN_BEGINS_S = 1.5  # The autopilot takes this long to take a command and to roll into a turn.
-# A final goes back to the circle only once it points at the field so closely, and from farther than so many
-# turn radii: a turn could contain a nearer field.
+# A final returns to the circle only from farther than this many turn radii, and if it points at the field
+# within this angle: a turn could contain a nearer field.
 NEAR_RADII, POINTED_RAD = 1.7, math.radians(60.0)
-CORRECTED_S = 30.0  # Longer glides count as this long: what the air does averages out.
+CORRECTED_S = 30.0  # Longer glides count as this long: rising and sinking air averages out.
 BOUND_RADII = 6.0  # A final is flown to its end once the field is nearer than this many radii of the circle.
 THERE_RADII = 2.3  # No other place is chosen within this many radii of the field or its circle.
 BACK_MIN_M = 5.0  # An aircraft that is past the field and higher than this is turned back to it.

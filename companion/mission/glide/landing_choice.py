@@ -344,7 +344,7 @@ def left_after_circle_m(model: GlideModel, choice: LandingChoice) -> float:
 
 
 def _is_overhead(choice: LandingChoice) -> bool:
-    """Return whether the way to the circle leads over the field, where the way back to it jumps."""
+    """Return whether the way to the circle leads over the field, where the way back has no direction."""
     place = shapely.Point(choice.place.position_enu_m[:2])
     way = shapely.LineString(choice.to_circle.track()[:, :2])
     return bool(way.distance(place) < OVERHEAD * choice.to_circle.model.turn_radius_m)

@@ -37,7 +37,7 @@ _REASONS = {
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """An item as a file has it; what is not set is None, and checked where it is needed."""
+    """An item as a file has it. Values that are not set are None; they are checked where they are needed."""
 
     label: str
     command: int

@@ -1,4 +1,4 @@
-"""Windows of flight from a recording: the energy used in each, and what the model of power makes it of."""
+"""Windows of flight from a recording: the energy used in each, and the terms of the model of power."""
 
 from __future__ import annotations
 

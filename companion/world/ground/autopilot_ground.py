@@ -34,9 +34,9 @@ class ClimbAhead(NamedTuple):
     Parameters
     ----------
     distance_m : float
-        It looks so far along its leg: TERRAIN_LOOKAHD [m].
+        Distance along the leg that it looks ahead, TERRAIN_LOOKAHD [m].
     climb_rate_m_s : float
-        It begins to climb where the ground rises faster than at this rate: half of TECS_CLMB_MAX [m/s].
+        Rate of rise of the ground from which it climbs ahead, half of TECS_CLMB_MAX [m/s].
     """
 
     distance_m: float
