@@ -2,7 +2,7 @@
 
 With RTL_AUTOLAND 4 a return to launch joins the closest leg behind any DO_RETURN_PATH_START: the autopilot
 flies directly to the item at which that leg ends, and on from there. With RTL_AUTOLAND 2, which versions
-before 4.7 have, too, it flies to the closest DO_LAND_START, and on from there. The list therefore has two
+before 4.6.2 have, too, it flies to the closest DO_LAND_START, and on from there. The list therefore has two
 return banks behind the banks of missions. One holds the return path; the other is written, and only then
 takes its place. A bank is armed if its first item is such a start. Otherwise the first item commands an
 airspeed and nothing joins the bank, whatever else is in it.

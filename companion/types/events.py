@@ -65,6 +65,16 @@ class Dialect(Enum):
         """Names of the parameters that determine its flight, by field of ``AutopilotSettings``."""
         return _PARAMETER_NAMES[self]
 
+    def knows_return_paths(self, version: tuple[int, int, int] | None) -> bool:
+        """Return whether an autopilot of this version returns by return paths if its parameter says so.
+
+        ArduPlane's release notes name DO_RETURN_PATH_START, which RTL_AUTOLAND 4 needs, with 4.6.2. A version
+        that is not known, or 0.0.0 as some builds report, counts as new.
+        """
+        if version is None or version == (0, 0, 0):
+            return True
+        return self is Dialect.PX4 or version >= (4, 6, 2)
+
     @property
     def packs_parameters_bytewise(self) -> bool:
         """Whether PARAM_VALUE holds the bytes of an integer parameter; else it holds the value as a float."""

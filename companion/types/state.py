@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+# Values of ArduPlane's RTL_AUTOLAND: straight home, to the landing at once, and by a return path.
+STRAIGHT_HOME, LANDING_AT_ONCE, BY_RETURN_PATH = 0.0, 2.0, 4.0
+
 
 @dataclass(frozen=True, slots=True)
 class Ownship:

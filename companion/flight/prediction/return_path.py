@@ -34,7 +34,7 @@ from companion.mission.return_bank import followed, joined_item
 from companion.mission.waypoints import true_airspeed
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem
-from companion.types.state import Ownship
+from companion.types.state import BY_RETURN_PATH, LANDING_AT_ONCE, Ownship
 from companion.world.vehicle.guidance import Guidance, Track, track_of_circle, track_of_legs
 
 JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
@@ -45,7 +45,6 @@ SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 # which is simulated by changing the course by the second angle.
 BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)
 CLIMB_ENDS = 36  # A climb in a circle may end at this many moments over one and a half turns.
-LANDING_AT_ONCE, BY_RETURN_PATH = 2.0, 4.0  # RTL_AUTOLAND: to the landing, or by a return path.
 # The command with which the return paths begin that an ArduPlane joins, by RTL_AUTOLAND.
 _STARTS = {LANDING_AT_ONCE: Command.DO_LAND_START, BY_RETURN_PATH: Command.DO_RETURN_PATH_START}
 HOME, LANDING, NEAREST = 0.0, 1.0, 3.0  # RTL_TYPE; by the mission is 2.

@@ -8,13 +8,12 @@ from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.prediction.obstacle_ahead import first_met
 from companion.flight.prediction.return_path import (
     HOME,
-    LANDING_AT_ONCE,
     is_unpredictable,
     return_tracks,
     start_of_return,
 )
 from companion.flight.state.flight_state import FlightState
-from companion.types.state import Ownship
+from companion.types.state import LANDING_AT_ONCE, Ownship
 
 
 def return_in_words(state: FlightState) -> str:

@@ -6,9 +6,10 @@ import math
 from dataclasses import replace
 
 from companion.link.messages.codec import Codec
-from companion.link.wire.decoded_frame import DecodedFrame, ParameterValue
+from companion.link.wire.decoded_frame import AutopilotVersion, DecodedFrame, ParameterValue
 from companion.types.events import Dialect
-from companion.types.state import AutopilotSettings
+from companion.types.mavlink_enums import MessageId
+from companion.types.state import BY_RETURN_PATH, STRAIGHT_HOME, AutopilotSettings
 
 ASKED_AT_ONCE = 24  # All of an autopilot; one whose buffer is smaller is asked again for the rest.
 TRIES = 5  # An autopilot of another version may not have the parameter.
@@ -31,6 +32,8 @@ class SettingsReader:
         self._num_asked: dict[str, int] = {}
         self._known: list[str] = []
         self._calls = 0
+        self._version: tuple[int, int, int] | None = None
+        self._num_versions_asked = 0
 
     def begin(self, dialect: Dialect) -> None:
         """Begin with this autopilot; forget the settings of an earlier one."""
@@ -38,10 +41,14 @@ class SettingsReader:
         self._meanings = {name: meaning for meaning, name in dialect.parameter_names.items()}
         self._num_asked = dict.fromkeys(self._meanings, 0)
         self._known = []
+        self._version, self._num_versions_asked = None, 0
 
     def note(self, frame: DecodedFrame) -> None:
         """Take a frame of the autopilot."""
         reply = frame.reply
+        if isinstance(reply, AutopilotVersion):
+            self._version = reply.numbers
+            self.settings = self._as_flown(self.settings)
         if not isinstance(reply, ParameterValue) or self._dialect is None:
             return
         meaning = self._meanings.get(reply.name)
@@ -51,7 +58,14 @@ class SettingsReader:
         self._num_asked.pop(reply.name, None)
         if reply.name not in self._known:
             self._known.append(reply.name)
-        self.settings = replace(self.settings, **{meaning: value})
+        self.settings = self._as_flown(replace(self.settings, **{meaning: value}))
+
+    def _as_flown(self, settings: AutopilotSettings) -> AutopilotSettings:
+        """Return settings with the kind of return that the autopilot's version flies."""
+        is_known = self._dialect is None or self._dialect.knows_return_paths(self._version)
+        if settings.return_kind == BY_RETURN_PATH and not is_known:
+            return replace(settings, return_kind=STRAIGHT_HOME)
+        return settings
 
     def due(self, codec: Codec) -> bytes:
         """Return the requests to send now; called about once a second."""
@@ -63,7 +77,11 @@ class SettingsReader:
         if not names and self._known and self._calls % AGAIN_CALLS == 0:
             self._known.append(self._known.pop(0))
             names = self._known[-1:]
-        return b"".join(codec.parameter_request(name) for name in names)
+        requests = [codec.parameter_request(name) for name in names]
+        if self._dialect is not None and self._version is None and self._num_versions_asked < TRIES:
+            self._num_versions_asked += 1
+            requests.append(codec.request_message(MessageId.AUTOPILOT_VERSION))
+        return b"".join(requests)
 
     def _asked(self, name: str) -> int:
         """Return how often a parameter was requested."""

@@ -22,6 +22,7 @@ from companion.service.doctor.parameter_checks import (
     FAILSAFES,
     parameter_findings,
     parameter_names,
+    return_findings,
     version,
 )
 from companion.types.events import Dialect, Heartbeat
@@ -120,6 +121,7 @@ class LinkDoctor:
             self._loss(),
             *rates,
             *parameter_findings(dialect, values, self._mission, self._baud_rate()),
+            *return_findings(dialect, values, self._version),
             *failsafe_findings(FAILSAFES[dialect], values),
             *of_mission,
         ]

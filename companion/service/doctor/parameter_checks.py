@@ -15,6 +15,7 @@ from companion.mission.waypoints import FLY_BY_M
 from companion.service.doctor.failsafe_checks import ARDUPLANE_FAILSAFES, PX4_FAILSAFES
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
+from companion.types.state import BY_RETURN_PATH
 
 MEASURED = {Dialect.ARDUPILOT: (4, 7), Dialect.PX4: (1, 17)}
 NAMES = {Dialect.ARDUPILOT: "ArduPilot", Dialect.PX4: "PX4"}
@@ -69,7 +70,7 @@ ARDUPLANE = (
     ParameterCheck(
         "RTL_AUTOLAND",
         lambda v: v in (2.0, 4.0),
-        "set 4, or 2 before version 4.7, and the planner keeps a checked return path: "
+        "set 4, or 2 before version 4.6.2, and the planner keeps a checked return path: "
         "others return straight, and with 0 it does not arm while the mission has a DO_LAND_START",
     ),
     ParameterCheck(
@@ -143,6 +144,17 @@ def version(dialect: Dialect, reported: AutopilotVersion | None) -> Finding:
     numbers = ".".join(map(str, reported.numbers))
     found = f"{name} {numbers}{RELEASES.get(reported.release, '?')}"
     return ok(check, found) if reported.numbers[:2] == (major, minor) else warn(check, found, advice)
+
+
+def return_findings(
+    dialect: Dialect, values: Mapping[str, float], reported: AutopilotVersion | None
+) -> list[Finding]:
+    """Check that the autopilot's version knows the return to launch that its parameter asks for."""
+    is_known = reported is None or dialect.knows_return_paths(reported.numbers)
+    if is_known or values.get("RTL_AUTOLAND") != BY_RETURN_PATH:
+        return []
+    advice = "set 2: versions before 4.6.2 do not know 4, and return straight home"
+    return [warn("return", f"RTL_AUTOLAND {BY_RETURN_PATH:g}", advice)]
 
 
 def parameter_findings(

@@ -124,13 +124,13 @@ def test_the_ground_is_asked_for_where_there_is_a_map(autopilot, stored, wanted)
     assert (stored in first, MessageId.DISTANCE_SENSOR in first) == (wanted, wanted)
 
 
-def test_home_is_asked_for_by_name_as_well():
+def test_home_and_the_version_are_asked_for_by_name_as_well():
     codec, streams = Codec(1), Streams(10.0)
     note(streams, codec, heartbeat(), 0.0)
     messages = mavlink.MAVLink(None).parse_buffer(streams.due(codec, 0.0))
-    assert [int(message.param1) for message in messages if getattr(message, "command", 0) == 512] == [
-        MessageId.HOME_POSITION
-    ]
+    assert {int(message.param1) for message in messages if getattr(message, "command", 0) == 512} == {
+        MessageId.HOME_POSITION, MessageId.AUTOPILOT_VERSION,
+    }  # fmt: skip
 
 
 def test_what_does_not_arrive_is_asked_for_again():

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.messages import settings_reader
 from companion.link.messages.codec import Codec
 from companion.link.messages.settings_reader import AGAIN_CALLS, TRIES, SettingsReader
-from companion.link.wire.decoded_frame import ParameterValue
+from companion.link.wire.decoded_frame import AutopilotVersion, ParameterValue
 from companion.types.events import Dialect
 from companion.types.state import AutopilotSettings
 from tests.flight.test_operator import BOTH
@@ -25,7 +25,7 @@ class Told:
 
 def asked(data):
     parser = mavlink.MAVLink(None)
-    return [message.param_id for message in parser.parse_buffer(data) or []]
+    return [m.param_id for m in parser.parse_buffer(data) or [] if m.get_type() == "PARAM_REQUEST_READ"]
 
 
 @BOTH
@@ -76,3 +76,52 @@ def test_whole_numbers_of_a_px4_lie_as_in_memory_and_nonsense_is_passed_over():
     assert reader.settings == AutopilotSettings(acceptance_radius_m=4.0)
     reader.begin(Dialect.ARDUPILOT)
     assert reader.settings == AutopilotSettings()
+
+
+class Version:
+    """A frame with an AUTOPILOT_VERSION."""
+
+    def __init__(self, *numbers):
+        self.reply = AutopilotVersion(numbers, 255)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "numbers", "is_straight"),
+    [
+        (Dialect.ARDUPILOT, (4, 5, 7), True),
+        (Dialect.ARDUPILOT, (4, 6, 1), True),
+        (Dialect.ARDUPILOT, (4, 6, 2), False),  # its release notes name DO_RETURN_PATH_START
+        (Dialect.ARDUPILOT, (4, 7, 0), False),
+        (Dialect.ARDUPILOT, (0, 0, 0), False),  # some builds of one's own
+        (Dialect.PX4, (1, 15, 0), False),
+    ],
+)
+@pytest.mark.parametrize("is_version_first", [True, False])
+def test_rtl_autoland_4_is_a_straight_return_with_an_arduplane_that_does_not_know_it(
+    dialect, numbers, is_straight, is_version_first
+):
+    reader, name = SettingsReader(), dialect.parameter_names["return_kind"]
+    reader.begin(dialect)
+    frames = [Version(*numbers), Told(name, 4.0, bits=4)]
+    for frame in frames if is_version_first else frames[::-1]:
+        reader.note(frame)
+    assert reader.settings.return_kind == (0.0 if is_straight else 4.0)
+    reader.note(Told(name, 2.0, bits=2))
+    assert reader.settings.return_kind == 2.0
+
+
+def test_an_arduplane_is_asked_for_its_version_until_it_says_it():
+    reader, codec = SettingsReader(), Codec(1)
+    reader.begin(Dialect.ARDUPILOT)
+
+    def asks():
+        kinds = [
+            message.get_type() for message in mavlink.MAVLink(None).parse_buffer(reader.due(codec)) or []
+        ]
+        return "COMMAND_LONG" in kinds
+
+    assert [asks() for _ in range(TRIES + 2)] == [True] * TRIES + [False] * 2
+    reader.begin(Dialect.ARDUPILOT)
+    assert asks()
+    reader.note(Version(4, 6, 3))
+    assert not asks()

@@ -23,6 +23,7 @@ from companion.service.doctor.parameter_checks import (
     PX4,
     parameter_findings,
     parameter_names,
+    return_findings,
     version,
 )
 from companion.types.events import Dialect
@@ -344,3 +345,12 @@ def test_the_item_that_is_lowest_over_the_ground_is_told(dialect):
     least = min(heights, key=heights.get)
     assert found.found == f"lowest item {least}, {heights[least]:.0f} m over ground"
     assert "ground" not in {entry.check for entry in Round(dialect=dialect).findings()}
+
+
+@pytest.mark.parametrize(("numbers", "is_told"), [((4, 6, 1), True), ((4, 6, 2), False), (None, False)])
+def test_a_return_path_needs_an_arduplane_that_knows_it(numbers, is_told):
+    reported = None if numbers is None else AutopilotVersion(numbers, 255)
+    found = return_findings(Dialect.ARDUPILOT, {"RTL_AUTOLAND": 4.0}, reported)
+    assert [entry.verdict.value for entry in found] == ["WARN"] * is_told
+    assert not return_findings(Dialect.ARDUPILOT, {"RTL_AUTOLAND": 2.0}, reported)
+    assert not return_findings(Dialect.PX4, {"RTL_AUTOLAND": 4.0}, reported)
