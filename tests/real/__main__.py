@@ -21,6 +21,13 @@ def main():
     parser.add_argument("--instance", type=int, default=1, help="lowest number that ports follow from")
     parser.add_argument("--wind", type=float, default=0.0, help="of ArduPlane's simulator [m/s]")
     parser.add_argument(
+        "--autoland",
+        type=int,
+        default=4,
+        choices=(2, 4),
+        help="RTL_AUTOLAND of ArduPlanes that are sent home",
+    )
+    parser.add_argument(
         "--sections", default="{}", help='of the mission file, to be set, as JSON: {"energy": {…}}'
     )
     parser.add_argument("--out", type=Path, default=Path("flights/real"), help="folder of the results")
@@ -54,7 +61,7 @@ def main():
 
     rows = fly_all(
         binaries, flights, given.out.resolve(), given.jobs, tell, instance=given.instance, wind=given.wind,
-        sections=given.sections,
+        sections=given.sections, autoland=given.autoland,
     )  # fmt: skip
     (given.out / "rows.json").write_text(json.dumps(rows, indent=1), encoding="utf-8") if rows else None
     num_bad = sum(row["verdict"] != "ok" for row in rows)

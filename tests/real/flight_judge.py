@@ -42,6 +42,7 @@ SAME_M = 5.0
 SERVICE, OPERATOR = 195, 190
 CHANGING = {"MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_SET_CURRENT"}
 YIELD_S = 4.0  # for the service to notice that somebody else uploads
+JOINED_S = 3.0  # An ArduPlane that returns by a path flies its mission again from this time on.
 
 
 class FlightJudge:
@@ -71,6 +72,7 @@ class FlightJudge:
         self._guidance = default_guidance(flies_by=flies_by, vehicle=vehicle_of(self.mission))
         self.held = HeldMission(in_place=self.kind.num_home_items > 0)
         self._late_changes = 0
+        self._returns_by_path = False
 
     # --- what is read off
 
@@ -169,6 +171,7 @@ class FlightJudge:
         )
         begin_s = self.entered_s or math.inf  # until then the list is the operator's, walls on its way
         other_s = self.event("other mission") or math.inf
+        joined_s = (self.event("return") or math.inf) + JOINED_S
         self._here = self._target = self._current = self._from = None
         self._velocity, self._bank, self._yaw, self._airspeed = (0.0, 0.0), 0.0, 0.0, 0.0
         is_flown, next_s = False, 0.0
@@ -181,6 +184,7 @@ class FlightJudge:
                 if message.get_type() == "MISSION_ACK":
                     self.held.hear(stamp_s, message)
                 is_flown = self._follow(stamp_s, message, is_flown)
+                self._returns_by_path |= is_flown and stamp_s > joined_s
             is_known = None not in (self._here, self._target, self._current)
             if is_flown and is_known and max(begin_s, next_s) <= stamp_s < other_s:
                 next_s = stamp_s + JUDGED_EACH_S
@@ -384,6 +388,8 @@ class FlightJudge:
             found.append("goal not reached")
         if row["violations"]:
             found.append(f"{row['violations']} of {row['judged']} moments held what does not pass")
+        if self.kind.num_home_items and self.event("return") is not None and not self._returns_by_path:
+            found.append("the return followed no path")
         if row["late_changes"]:
             found.append(f"{row['late_changes']} messages against the operator's other mission")
         if self.event("rally points") is not None and "2 rally points" not in self._texts("rally"):

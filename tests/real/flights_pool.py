@@ -77,7 +77,7 @@ def has_namespaces():
     return False
 
 
-def flown(binaries, wanted, folder, instance, *, wind=0.0, sections="{}"):
+def flown(binaries, wanted, folder, instance, *, wind=0.0, sections="{}", autoland=4):
     """Fly one; its row. ``sections`` of the mission file are set, as JSON."""
     place = folder / wanted.name
     before = IN_NAMESPACE if has_namespaces() else ()
@@ -86,6 +86,7 @@ def flown(binaries, wanted, folder, instance, *, wind=0.0, sections="{}"):
         str(wanted.seed), str(place), "--binary", str(binaries.of(wanted.kind)),
         "--parameters", binaries.parameters if wanted.kind == "arduplane" else "",
         "--instance", str(instance), "--wind", str(wind), "--sections", sections,
+        "--autoland", str(autoland),
     ]  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / f"{wanted.name}.out").open("w") as out:
@@ -103,7 +104,7 @@ def judged(place):
     return row
 
 
-def fly_all(binaries, flights, folder, jobs, tell, *, instance=1, **weather_and_sections):
+def fly_all(binaries, flights, folder, jobs, tell, *, instance=1, **choices):
     """Fly all, some at once, and tell each row as it comes."""
     waiting = queue.Queue()
     for wanted in flights:
@@ -117,7 +118,7 @@ def fly_all(binaries, flights, folder, jobs, tell, *, instance=1, **weather_and_
             except queue.Empty:
                 return
             try:
-                row = flown(binaries, wanted, folder, number, **weather_and_sections)
+                row = flown(binaries, wanted, folder, number, **choices)
             except (OSError, ValueError, KeyError, subprocess.TimeoutExpired) as error:
                 row = {"autopilot": wanted.kind, "scenario": wanted.scenario, "seed": wanted.seed,
                        "verdict": f"not flown: {error}"}  # fmt: skip

@@ -28,6 +28,7 @@ def fly(arguments):
     deck = Deck(
         kind, Path(arguments.binary), arguments.parameters, folder, arguments.instance, course,
         arguments.seed, loss=scenario.loss, wind=(arguments.wind, 240.0),
+        autoland=arguments.autoland,
     )  # fmt: skip
     fault = ""
     try:
@@ -71,6 +72,7 @@ def main():
     parser.add_argument("--instance", type=int, default=0)
     parser.add_argument("--wind", type=float, default=0.0)
     parser.add_argument("--sections", default="{}")
+    parser.add_argument("--autoland", type=int, default=4)
     fly(parser.parse_args())
 
 

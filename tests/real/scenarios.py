@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.real.rig.course import CITY_FENCE, HOLD, Item
 
 HOLDS_S, HELD_S, RETURNED_S = 15.0, 30.0, 60.0
-LANDING_AT_ONCE, ONLY_GO_AROUND, BY_RETURN_PATH = 2.0, 3.0, 4.0  # RTL_AUTOLAND
+ONLY_GO_AROUND = 3.0  # RTL_AUTOLAND
 BY_MISSION = 2  # RTL_TYPE
 RETURN_AFTER_S = (12.0, 75.0)
 FENCE_AHEAD_M, FENCE_HALF_M = 900.0, 45.0
@@ -152,10 +152,10 @@ def returned(deck):
     deck.note("handed back")
 
 
-def sent_home(deck, autoland=BY_RETURN_PATH):
+def sent_home(deck):
     """A return to launch at a random moment, by the path that the service keeps in the autopilot."""
     if deck.kind.num_home_items:
-        deck.station.set_parameter("RTL_AUTOLAND", autoland)
+        deck.station.set_parameter("RTL_AUTOLAND", deck.autoland)
     else:
         deck.station.set_integer("RTL_TYPE", BY_MISSION)
     after_upload(deck)
@@ -165,21 +165,11 @@ def sent_home(deck, autoland=BY_RETURN_PATH):
     deck.note("return", here=deck.station.here)
 
 
-def sent_home_alone(deck, autoland=BY_RETURN_PATH):
+def sent_home_alone(deck):
     """The same, and the service is killed in the same second."""
-    sent_home(deck, autoland)
+    sent_home(deck)
     deck.service.kill()
     deck.note("killed")
-
-
-def sent_home_to_a_landing(deck):
-    """The same with the RTL_AUTOLAND that earlier versions have, too."""
-    sent_home(deck, LANDING_AT_ONCE)
-
-
-def sent_home_to_a_landing_alone(deck):
-    """The same, and the service is killed in the same second."""
-    sent_home_alone(deck, LANDING_AT_ONCE)
 
 
 def sent_home_in_the_city(deck):
@@ -265,8 +255,6 @@ SCENARIOS = (
     Scenario("12", "rally point", returned),
     Scenario("13", "sent home", sent_home, ends=HOMES),
     Scenario("13k", "sent home, killed", sent_home_alone, ends=HOMES),
-    Scenario("13l", "sent to a landing", sent_home_to_a_landing, ends=HOMES),
-    Scenario("13lk", "the same, killed", sent_home_to_a_landing_alone, ends=HOMES),
     Scenario("14", "city with a fence, sent home", sent_home_in_the_city, goal="city", ends=HOMES),
     Scenario("14k", "the same, killed", sent_home_in_the_city_alone, goal="city", ends=HOMES),
 )

@@ -57,7 +57,7 @@ class Recording:
                 0, latitude, longitude, round(1e3 * altitude), 0, 2200, 0, 0, 0
             ))  # fmt: skip
 
-    def judged(self, places, ends="disarmed"):
+    def judged(self, places, ends="disarmed", scenario="1", others=()):
         for tlog in self.tlogs.values():
             tlog.close()
         stamps = [datetime.fromtimestamp(BEGUN_S + at_s, UTC).isoformat() for at_s in (1.0, 2.0)]
@@ -69,7 +69,8 @@ class Recording:
         (self.folder / "service-1.log").write_text("\n".join(lines), encoding="utf-8")
         path = [[BEGUN_S + second, *place] for second, place in enumerate(places, start=4)]
         events = [{"stamp_s": BEGUN_S, "what": "armed"}, {"stamp_s": BEGUN_S + 60.0, "what": ends}]
-        flight = {"kind": "arduplane", "scenario": "1", "seed": 1, "commit": "", "fault": "",
+        events += [{"stamp_s": BEGUN_S + at_s, "what": what} for at_s, what in others]
+        flight = {"kind": "arduplane", "scenario": scenario, "seed": 1, "commit": "", "fault": "",
                   "events": events, "texts": [], "path": path}  # fmt: skip
         (self.folder / "flight.json").write_text(json.dumps(flight), encoding="utf-8")
         return FlightJudge(self.folder).row()
@@ -115,3 +116,13 @@ def test_one_that_stands_still_has_landed_armed_or_not(recording):
 def test_a_flight_that_ends_in_the_air_is_seen(recording):
     row = recording.judged([CLEAR, CLEAR], ends="end")
     assert row["faults"] == ["did not land", "goal not reached"]
+
+
+@pytest.mark.parametrize(("returns_s", "faults"), [(1.0, []), (10.0, ["the return followed no path"])])
+def test_a_return_that_does_not_fly_the_mission_again_is_seen(recording, returns_s, faults):
+    """The mission is flown until 6 s: a return from 1 s on joins its path, one from 10 s on does not."""
+    places = [CLEAR, (4750.0, 922.0, 150.0), (4750.0, 944.0, 150.0)]
+    recording.hold([CLEAR, (4750.0, 1300.0, 150.0), (4780.0, 1600.0, 150.0)])
+    recording.fly(places, (4750.0, 1300.0, 150.0))
+    row = recording.judged(places, scenario="13", others=[(returns_s, "return")])
+    assert row["faults"] == faults

@@ -55,8 +55,9 @@ class Deck:
     """
 
     def __init__(
-        self, kind, binary, parameters, folder, instance, course, seed, *, loss=0.0, wind=(0.0, 0.0)
-    ):
+        self, kind, binary, parameters, folder, instance, course, seed, *, loss=0.0, wind=(0.0, 0.0),
+        autoland=4,
+    ):  # fmt: skip
         self.kind, self.course, self.folder = kind, course, folder
         self.chance = random.Random(seed)
         self.events = []
@@ -67,7 +68,7 @@ class Deck:
             self.autopilot.companion_port, PORT_SERVICE + instance, self.tlogs[1], loss=loss, seed=seed
         )
         self.service = ServiceProcess(folder, PORT_SERVICE + instance)
-        self.wind = wind
+        self.wind, self.autoland = wind, autoland
         self.station = None
         self.items = []
 
