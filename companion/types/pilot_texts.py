@@ -149,6 +149,13 @@ TEXTS = {
         "without further texts.",
         NOTHING,
     ),
+    "return straight": PilotText(
+        "return", Severity.WARNING,
+        "{mode} is straight, not by the checked path",
+        "The autopilot returns straight, although its parameter RTL_AUTOLAND asks for the return path in its "
+        "list. ArduPlane before 4.6.2 does not know the value 4.",
+        "Take over if something is in the way. Set RTL_AUTOLAND 2 before the next flight.",
+    ),
     "return unsafe": PilotText(
         "return", Severity.WARNING,
         "RTL from here is NOT safe: {what}",
@@ -437,7 +444,7 @@ SUBJECTS = {
     "paused": "mode", "flying": "mode", "other item": "mode", "contradiction": "mode", "silent": "mode",
     "failsafe": "mode", "returning": "mode", "arrived": "mode",
     "goals missed": "mode",
-    "return path": "return", "return unsafe": "return", "return safe": "return",
+    "return path": "return", "return straight": "return", "return unsafe": "return", "return safe": "return",
     "meets": "ahead", "meets nothing": "ahead",
     "no thrust": "engine", "thrust": "engine", "glide": "glide", "no field": "glide", "final": "glide",
     "battery turn": "battery", "battery return": "battery", "battery blocked": "battery",

@@ -145,7 +145,8 @@ def is_unpredictable(state: FlightState) -> bool:
 
 def start_of_return(state: FlightState) -> Command | None:
     """Return the command with which return paths begin that the autopilot joins; None if it joins none."""
-    return _STARTS.get(state.settings.return_kind or 0.0) if state.flies_by else None
+    joins = state.flies_by and state.joins_returns
+    return _STARTS.get(state.settings.return_kind or 0.0) if joins else None
 
 
 def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[FloatArray]:

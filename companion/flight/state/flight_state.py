@@ -123,6 +123,8 @@ class FlightState:
         Rally points, to which it may return instead, as far as they were read [m].
     holds_rally_points : bool
         Whether the autopilot has reported that it has rally points.
+    joins_returns : bool
+        Whether an ArduPlane joins return paths as its parameter says; some versions do not.
     mission_list : ListState
         Knowledge of the autopilot's list.
     """
@@ -149,6 +151,7 @@ class FlightState:
     home_enu_m: tuple[float, float, float] | None = None
     rally_points: tuple[tuple[float, float, float], ...] = ()
     holds_rally_points: bool = False
+    joins_returns: bool = True
     mission_list: ListState = field(default_factory=ListState)
 
     @property
@@ -359,6 +362,11 @@ def after_target_reported(state: FlightState, target: SteeringTarget) -> FlightS
         target.latitude_deg, target.longitude_deg, target.altitude_amsl_m
     )
     return replace(state, target_enu_m=place)
+
+
+def after_straight_return(state: FlightState) -> FlightState:
+    """Return the state after an ArduPlane joined no return path in a return to launch."""
+    return replace(state, joins_returns=False)
 
 
 def after_settings_reported(state: FlightState, settings: AutopilotSettings) -> FlightState:

@@ -14,15 +14,18 @@ from companion.flight.monitors.return_watch import ReturnWatch
 from companion.flight.prediction.mode_tracks import ModeTracks, mode_tracks
 from companion.flight.prediction.obstacle_ahead import ObstacleAhead, obstacle_ahead
 from companion.flight.prediction.resume_path import ResumePath, lasting_resume_path
+from companion.flight.prediction.return_path import start_of_return
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.flight_state import FlightState
+from companion.flight.state.flight_state import FlightState, after_straight_return
 from companion.flight.state.modes import Mode
+from companion.types.events import Motion
 from companion.types.state import Ownship
 
 SAFE_AGAIN_S = 5.0  # A handback is called safe again only this long after the last text about it.
 CLEAR_AGAIN_S = 2.0  # What is flown is called clear again once nothing was met for this time.
 NEARER_S = 5.0  # A meeting is announced again if it is nearer by this time, or is with something else.
+JOINED_S = 3.0  # An ArduPlane joins a return path at once, if at all; heartbeats come once a second.
 SOMEBODY_ELSE = frozenset({Mode.STANDBY, Mode.SUSPENDED, Mode.YIELDED, Mode.ARRIVED})
 
 
@@ -55,12 +58,14 @@ class OtherModes:
         self._called_s = -math.inf
         self._met: ObstacleAhead | None = None
         self._met_s = self._announced_s = -math.inf
+        self._straight_s = math.inf
 
     def look(self) -> None:
         """Predict and check what is flown next, and inform the pilot of changes; twice a second."""
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._world_model.ownship.state(now)
         self.return_watch.look(now)
+        self._look_at_return(state, now)
         if ownship is None or state.mode not in SOMEBODY_ELSE or not state.phase.is_airborne:
             self.tracks = self.resume = self._is_called_safe = self._met = None
             return
@@ -70,6 +75,23 @@ class OtherModes:
             self._look_back(state, ownship, tracks, now)
         else:
             self.resume = self._is_called_safe = None
+
+    def _look_at_return(self, state: FlightState, now: float) -> None:
+        """Notice a return to launch that does not join the return path in the autopilot's list."""
+        start = start_of_return(state) if state.motion is Motion.RETURN else None
+        if start is None or all(item.command != start for item in state.mission_list.stored):
+            self._straight_s = math.inf
+            return
+        self._straight_s = min(self._straight_s, now)
+        if now - self._straight_s >= JOINED_S:
+            self._flight.apply(after_straight_return)
+            mode = state.autopilot_mode
+            self._announcer.decide(
+                DecisionKind.RETURN,
+                f"{mode} does not join the return path",
+                tell="return straight",
+                mode=mode,
+            )
 
     def _look_ahead(self, state: FlightState, ownship: Ownship, tracks: ModeTracks, now: float) -> None:
         """Announce what is met on the tracks, and that nothing is met any more."""

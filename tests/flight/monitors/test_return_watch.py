@@ -4,7 +4,7 @@ import pytest
 
 from companion.config import load_mission
 from companion.types.events import Dialect
-from tests.flight.test_app import at, both
+from tests.flight.test_app import at, both, switch
 from tests.sim.client import CONFIGS
 from tests.support.sitl_harness import SitlHarness
 
@@ -45,3 +45,17 @@ def test_with_a_checked_path_in_the_autopilot_nothing_is_announced():
     harness.fly(130.0)
     assert not [text for text in harness.texts("return") if "NOT safe" in text]
     assert [text for text in harness.texts("return") if text.startswith("stored, ")]
+
+
+@pytest.mark.parametrize("knows_paths", [True, False])
+def test_an_autopilot_that_joins_no_return_path_is_noticed(monkeypatch, knows_paths):
+    harness = SitlHarness(VALLEY, dialect=Dialect.ARDUPILOT)
+    autopilot = harness.simulator.autopilot
+    autopilot.parameters["RTL_AUTOLAND"] = 4.0
+    if not knows_paths:
+        monkeypatch.setattr(autopilot, "_leave_return", lambda: None)
+    harness.fly(36.0, switch(30.0, "RTL"))
+    assert [text for text in harness.texts("return") if text.startswith("stored, ")]
+    assert harness.texts("return").count("RTL does not join the return path") == (not knows_paths)
+    sent = [message.text for _, message in harness.said("STATUSTEXT")]
+    assert ("RTL is straight, not by the checked path" in sent) is not knows_paths
