@@ -23,6 +23,7 @@ from companion.types.state import Ownship
 from companion.types.threat import Obstacle
 from companion.world.vehicle.guidance import default_guidance, track_of_legs
 from tests.real.held_missions import HeldMission, messages_of
+from tests.real.return_legs import farthest_beside_legs
 from tests.real.rig.autopilots import KINDS, is_mission_mode
 from tests.real.rig.deck import is_standing
 from tests.real.rig.service_process import entries_of
@@ -73,6 +74,7 @@ class FlightJudge:
         self.held = HeldMission(in_place=self.kind.num_home_items > 0)
         self._late_changes = 0
         self._returns_by_path = False
+        self._currents = []
 
     # --- what is read off
 
@@ -185,6 +187,8 @@ class FlightJudge:
                     self.held.hear(stamp_s, message)
                 is_flown = self._follow(stamp_s, message, is_flown)
                 self._returns_by_path |= is_flown and stamp_s > joined_s
+                if stamp_s > joined_s - JOINED_S and message.get_type() == "MISSION_CURRENT":
+                    self._currents.append((stamp_s, message.seq))
             is_known = None not in (self._here, self._target, self._current)
             if is_flown and is_known and max(begin_s, next_s) <= stamp_s < other_s:
                 next_s = stamp_s + JUDGED_EACH_S
@@ -357,11 +361,25 @@ class FlightJudge:
             "circling": self.event("circling") is not None,
             "texts": len(texts), "texts_per_min": 60.0 * len(aloft) / air_s, "flight_s": air_s,
             "judged": self.num_judged, "violations": len(self.violations),
+            "beside_legs_m": self._beside_legs(),
             "first_violations": self._told_violations(armed_s), "late_changes": self._late_changes,
         }  # fmt: skip
         row["faults"] = self._faults(row)
         row["verdict"] = "ok" if not row["faults"] else "; ".join(row["faults"])
         return row
+
+    def _beside_legs(self):
+        """How far the aircraft was beside the legs by which it returned; None without a return."""
+        changes = [
+            entry for entry, before in zip(self._currents, [(0.0, -1), *self._currents], strict=False)
+            if entry[1] != before[1]
+        ]  # fmt: skip
+        items = self.held.items
+        places = [self._place(item) for item in items]
+        commands = [0 if item is None else item.command for item in items]
+        return farthest_beside_legs(
+            self.path, [change for change in changes if change[1] < len(items)], places, commands
+        )
 
     def _texts(self, kind):
         return [entry["message"].split(": ", 1)[-1] for entry in self.decided(kind)]
