@@ -47,7 +47,7 @@ class FlightMeasures:
 
     def over_all(self) -> Measures:
         """Measures of all dynamic threats together, then of all radars."""
-        return of_dynamic_threats(self.dynamic_threats) | {
+        return dynamic_threat_measures(self.dynamic_threats) | {
             "seconds_in_radar": total_duration_s(
                 merged_intervals(*(entry.in_sight_s for entry in self.radars))
             ),
@@ -57,10 +57,10 @@ class FlightMeasures:
 
     def by_name(self) -> dict[str, Measures]:
         """Measures of each dynamic threat."""
-        return {entry.name: of_dynamic_threats([entry]) for entry in self.dynamic_threats}
+        return {entry.name: dynamic_threat_measures([entry]) for entry in self.dynamic_threats}
 
 
-def of_dynamic_threats(encounters: Sequence[Encounter]) -> Measures:
+def dynamic_threat_measures(encounters: Sequence[Encounter]) -> Measures:
     """The measures of one or several dynamic threats: seconds in which any of them, and the nearest approach.
 
     Values of events that never happened are infinite.

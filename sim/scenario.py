@@ -56,7 +56,7 @@ def _weather(mission: MissionConfig) -> Weather:
 
 def _parameters(mission: MissionConfig, dialect: Dialect) -> Parameters:
     vehicle = mission.vehicle
-    parameters = Parameters() if dialect is Dialect.ARDUPILOT else Parameters.of_px4()
+    parameters = Parameters() if dialect is Dialect.ARDUPILOT else Parameters.px4_defaults()
     parameters["AIRSPEED_CRUISE"] = vehicle.airspeed_cruise_m_s
     parameters["AIRSPEED_MIN"] = math.floor(vehicle.airspeed_min_m_s)
     parameters["AIRSPEED_MAX"] = math.ceil(vehicle.airspeed_max_m_s)

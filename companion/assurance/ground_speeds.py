@@ -54,7 +54,7 @@ def ground_speeds(path: Path, edges: Edges, wind: Wind) -> GroundSpeeds:
     climbs = np.arctan2(edges.rises_m, edges.lengths_m)
     level = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:]) * np.cos(climbs)
     courses = path.courses_rad[:-1] + edges.turns_rad * np.array([[0.0], [0.5], [1.0]])
-    speeds = _made_good(courses, level, wind.east_m_s, wind.north_m_s)
+    speeds = _speed_made_good(courses, level, wind.east_m_s, wind.north_m_s)
     return GroundSpeeds(
         most=(speeds.max(axis=0) + wind.std_m_s) / level,
         least=np.maximum(speeds.min(axis=0) - wind.std_m_s, 0.0) / level,
@@ -83,7 +83,7 @@ def tailwinds(legs_enu_m: FloatArray, airspeed_m_s: float, wind_enu_m_s: tuple[f
     """
     courses = np.arctan2(legs_enu_m[:, 0], legs_enu_m[:, 1])
     level = airspeed_m_s * np.cos(np.arctan2(legs_enu_m[:, 2], np.hypot(legs_enu_m[:, 0], legs_enu_m[:, 1])))
-    return _made_good(courses, level, *wind_enu_m_s) - level
+    return _speed_made_good(courses, level, *wind_enu_m_s) - level
 
 
 def slope_over_ground(
@@ -112,7 +112,9 @@ def slope_over_ground(
     return slopes
 
 
-def _made_good(courses: FloatArray, level_m_s: FloatArray, east_m_s: float, north_m_s: float) -> FloatArray:
+def _speed_made_good(
+    courses: FloatArray, level_m_s: FloatArray, east_m_s: float, north_m_s: float
+) -> FloatArray:
     """Return ground speeds by the wind triangle, with the shape of ``courses``: (M, K) or (K,).
 
     ``courses`` (M, K) [rad], ``level_m_s`` (K,) horizontal airspeeds [m/s].

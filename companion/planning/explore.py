@@ -172,7 +172,7 @@ class Exploration:
         self.limits, self._scene = self._limits_at(airspeed_m_s), None
         self.reset_tree()
 
-    def let_pursuers_be(self) -> None:
+    def allow_threatened_nodes(self) -> None:
         """Begin a new tree that may also grow where a pursuer could threaten it."""
         self.bars_pursued, self._scene = False, None
         self.reset_tree()

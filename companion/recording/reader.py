@@ -181,7 +181,7 @@ class _ServiceRecord:
             elif topic == channels.PLAN and len(self.taken) < PLANS_MAX:
                 count = number(document.get("number"))
                 if count is not None:
-                    self.taken[int(count)] = _taken_of(document)
+                    self.taken[int(count)] = _plan_timing_of(document)
 
     def _note_mission(self, document: Document) -> None:
         if not self.about:
@@ -282,7 +282,7 @@ def _reason(value: object) -> object:
     return value if isinstance(value, bool) or number(value) is not None else None
 
 
-def _taken_of(document: Document) -> RecordedPlanTiming:
+def _plan_timing_of(document: Document) -> RecordedPlanTiming:
     asked = number(document.get("asked"))
     is_stopped = document.get("is_stopped") is True and asked is not None
     took_s = max(0.0, number(document.get("took_s"), STAMP_MAX_S) or 0.0)

@@ -76,20 +76,20 @@ class _Safety:
 
     def __init__(self) -> None:
         self.until_s: float | None = None
-        self._of_plans: dict[object, float | None] = {}
+        self._plans_part: dict[object, float | None] = {}
 
     def observe(self, topic: str, document: Document) -> None:
         """Take a message."""
         if topic == channels.PLAN:
             of_plan, of_flown = document.get("pursuit"), document.get("flown_pursuit")
             if isinstance(of_plan, dict):
-                self._of_plans[number(document.get("number"))] = number(of_plan.get("first_s"))
+                self._plans_part[number(document.get("number"))] = number(of_plan.get("first_s"))
             if isinstance(of_flown, dict) and "first_s" in of_flown:
                 self.until_s = number(of_flown["first_s"])
         elif topic == channels.SWAP and document.get("outcome") == "flown":
             plan = number(document.get("plan_number"))
-            if plan in self._of_plans:
-                self.until_s = self._of_plans[plan]
+            if plan in self._plans_part:
+                self.until_s = self._plans_part[plan]
 
     def left_s(self, now_s: float) -> float | None:
         """Return how long the flown path is still safe [s]; None if nobody could threaten it."""

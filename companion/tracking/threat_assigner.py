@@ -52,7 +52,7 @@ class VehicleClass:
         )
 
     @property
-    def stands(self) -> bool:
+    def is_stationary(self) -> bool:
         """Whether the mission file says that this threat does not move."""
         return self.number is not None and self.speed_m_s == 0.0
 
@@ -129,9 +129,9 @@ class ThreatAssigner:
             return unknown
         kind = self._class_of(number)
         if is_meant:
-            is_second = kind.stands and self._standing.get(number, identity) != identity
+            is_second = kind.is_stationary and self._standing.get(number, identity) != identity
             return kind.max_with(unknown) if is_second else kind
-        return unknown if is_airborne or kind.stands else kind.max_with(unknown)
+        return unknown if is_airborne or kind.is_stationary else kind.max_with(unknown)
 
     def assigned(
         self, identity: str, east_m: float, north_m: float, *, is_airborne: bool, system_id: int | None = None
@@ -144,7 +144,7 @@ class ThreatAssigner:
             self._remembered[identity] = number
             if len(self._remembered) > REMEMBERED_MAX:
                 del self._remembered[next(iter(self._remembered))]
-        if kind.stands:
+        if kind.is_stationary:
             self._standing.setdefault(number, identity)
         return kind
 

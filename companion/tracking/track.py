@@ -180,7 +180,7 @@ class Track:
     @property
     def is_parked(self) -> bool:
         """Whether the mission file says that the vehicle does not move, and it was not seen moving."""
-        return self.vehicle_class.stands and self._moving_run < self._settings.moving_detections
+        return self.vehicle_class.is_stationary and self._moving_run < self._settings.moving_detections
 
     def observe(self, detection: Detection) -> str:
         """Update the track with a detection.
@@ -272,7 +272,7 @@ class Track:
             )
         if self.vehicle_class.flies_on and detection.velocity_m_s is not None:
             self._turn.observe(detection.stamp_s, detection.velocity_m_s)
-        if self.vehicle_class.stands:
+        if self.vehicle_class.is_stationary:
             self._watch_parked(detection)
 
     def _is_copy(self, detection: Detection) -> bool:

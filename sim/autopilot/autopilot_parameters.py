@@ -139,7 +139,7 @@ class Parameters:
         self._names = sorted(self._values)
 
     @classmethod
-    def of_px4(cls) -> Parameters:
+    def px4_defaults(cls) -> Parameters:
         """PX4's parameters."""
         return cls(_PX4, _PX4_NAMES)
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from companion.research.evidence.document.kept_rows import kept_evidence
+from companion.research.evidence.document.kept_rows import stored_evidence
 from companion.research.evidence.document.reasons import load_reasons
 from companion.research.evidence.document.results_document import REASONS, results_document
 from companion.research.evidence.verdicts import Verdict, judged
@@ -23,7 +23,7 @@ def test_the_rows_are_small():
 
 def test_every_ordering_that_is_not_reproduced_has_a_reason_and_every_reason_an_ordering():
     reasons = load_reasons(ROWS / REASONS)
-    every = [entry for file in ROWS.glob("*.csv") for entry in judged(kept_evidence(file))]
+    every = [entry for file in ROWS.glob("*.csv") for entry in judged(stored_evidence(file))]
     against = [entry for entry in every if entry.verdict is Verdict.NOT_REPRODUCED]
     assert len(against) > 20
     missing = [_named(entry) for entry in against if reasons.of(entry) is None]

@@ -99,6 +99,6 @@ def test_each_try_has_a_budget_of_its_own():
     exploration.stats[3] = 500
     search = SubTasks(exploration)
     assert search.is_spent(lambda: False)
-    search.let_pursuers_be()
+    search.allow_threatened_nodes()
     assert not search.is_spent(lambda: False)
     assert not exploration.bars_pursued

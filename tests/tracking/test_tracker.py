@@ -368,7 +368,7 @@ def test_a_threat_far_from_its_start_can_do_what_the_file_says_and_what_a_strang
 
 def test_only_at_its_place_is_a_vehicle_taken_for_one_that_does_not_move():
     register = ThreatAssigner((PARKED,), VehicleClassSettings())
-    assert register.assigned("near", 1250.0, 0.0, is_airborne=False).stands
+    assert register.assigned("near", 1250.0, 0.0, is_airborne=False).is_stationary
     assert register.assigned("far", 1350.0, 0.0, is_airborne=False) == VehicleClassSettings().ground
 
 

@@ -17,7 +17,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import IO
 
-from companion.kernels.native.kernel import Kernel, Report, kept_or_compiled
+from companion.kernels.native.kernel import Kernel, Report, stored_or_compiled
 from companion.kernels.native.store import kernel_store
 
 __all__ = ["built"]
@@ -63,7 +63,7 @@ def built(kernels: list[Kernel], report: Report | None) -> dict[Kernel, bytes]:
 
     workers = num_workers(len(kernels))
     if workers <= 1:
-        take(kept_or_compiled)
+        take(stored_or_compiled)
     else:
         with ThreadPoolExecutor(workers) as threads:
             for done in [threads.submit(_in_another_process, take) for _ in range(workers)]:
@@ -90,11 +90,11 @@ def _in_another_process(take: Callable[[Callable[[Kernel], bytes]], None]) -> No
     with subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
-        take(partial(_asked, process.stdin, process.stdout))
+        take(partial(_compile_in_process, process.stdin, process.stdout))
         process.stdin.close()
 
 
-def _asked(questions: IO[bytes], answers: IO[bytes], one: Kernel) -> bytes:
+def _compile_in_process(questions: IO[bytes], answers: IO[bytes], one: Kernel) -> bytes:
     """Ask the other process for object code. It answers with a length and the code, or with an error."""
     questions.write(f"{one.py_func.__module__} {one.py_func.__qualname__}\n".encode())
     questions.flush()
@@ -109,7 +109,7 @@ def _answer(questions: IO[bytes], answers: IO[bytes]) -> None:
     for line in questions:
         module, name = line.decode().split()
         try:
-            code = kept_or_compiled(getattr(importlib.import_module(module), name))
+            code = stored_or_compiled(getattr(importlib.import_module(module), name))
         except (RuntimeError, TypeError, LookupError, ImportError, AttributeError) as error:
             answers.write(f"{type(error).__name__}: {error}".replace("\n", " ").encode() + b"\n")
         else:

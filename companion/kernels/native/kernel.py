@@ -34,7 +34,6 @@ __all__ = [
     "Report",
     "inlined",
     "inlined_numpy_errors",
-    "kept_or_compiled",
     "kernel",
     "kernel_numpy_errors",
     "load",
@@ -42,6 +41,7 @@ __all__ = [
     "local_ints",
     "local_table",
     "refuse_compiling",
+    "stored_or_compiled",
 ]
 
 IS_COMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
@@ -59,25 +59,25 @@ _R = TypeVar("_R")
 
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile a function by itself. A division by zero raises, as in Python."""
-    return _made(function, is_inlined=False, has_numpy_errors=False)
+    return _kernel_of(function, is_inlined=False, has_numpy_errors=False)
 
 
 def kernel_numpy_errors(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile a function by itself. A division by zero gives infinity, which saves a branch."""
-    return _made(function, is_inlined=False, has_numpy_errors=True)
+    return _kernel_of(function, is_inlined=False, has_numpy_errors=True)
 
 
 def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Copy a function into its callers. A division by zero raises, as in Python."""
-    return _made(function, is_inlined=True, has_numpy_errors=False)
+    return _kernel_of(function, is_inlined=True, has_numpy_errors=False)
 
 
 def inlined_numpy_errors(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Copy a function into its callers. A division by zero gives infinity, which saves a branch."""
-    return _made(function, is_inlined=True, has_numpy_errors=True)
+    return _kernel_of(function, is_inlined=True, has_numpy_errors=True)
 
 
-def _made(function: Callable[_P, _R], *, is_inlined: bool, has_numpy_errors: bool) -> Callable[_P, _R]:
+def _kernel_of(function: Callable[_P, _R], *, is_inlined: bool, has_numpy_errors: bool) -> Callable[_P, _R]:
     if not IS_COMPILED:
         return function
     return cast(
@@ -280,7 +280,7 @@ def load(kernels: Iterable[Kernel], report: Report | None = None) -> None:
         _process.loaded.update(wanted)
 
 
-def kept_or_compiled(one: Kernel) -> bytes:
+def stored_or_compiled(one: Kernel) -> bytes:
     """Return a kernel's object code from the store, or compile and store it.
 
     Raises

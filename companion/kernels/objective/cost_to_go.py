@@ -145,7 +145,7 @@ def solved_flat(
 
 
 @inlined_numpy_errors
-def _of_second_order(near: float, far: float, least: float) -> float:
+def _second_order_value(near: float, far: float, least: float) -> float:
     """Return the value that replaces two neighbours in a second-order difference; infinite without them.
 
     ``(3·V − 4·near + far) / 2`` is ``3/2`` times ``V`` less this. Where ``far`` is below ``least`` the front
@@ -167,7 +167,7 @@ def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> 
     south, north = _upwind(value, i, j - 1, k), _upwind(value, i, j + 1, k)
     below, above = _upwind(value, i, j, k - 1), _upwind(value, i, j, k + 1)
     vertical, climb, up = (below, pace[3], -1) if below <= above else (above, pace[2], 1)
-    beyond = _of_second_order(vertical, _upwind(value, i, j, k + 2 * up), least)
+    beyond = _second_order_value(vertical, _upwind(value, i, j, k + 2 * up), least)
     best = math.inf
     for side in range(4):
         a, wa, across = (west, -wx, -1) if side % 2 == 0 else (east, wx, 1)
@@ -175,8 +175,8 @@ def renewed(value: Float3D, i: int, j: int, k: int, s: float, pace: Float1D) -> 
         if wx == 0.0 and wy == 0.0 and (a > min(west, east) or b > min(south, north)):
             continue
         best = min(best, solved(a, b, vertical, wa, wb, climb, s))
-        a = _of_second_order(a, _upwind(value, i + 2 * across, j, k), least)
-        b = _of_second_order(b, _upwind(value, i, j + 2 * along, k), least)
+        a = _second_order_value(a, _upwind(value, i + 2 * across, j, k), least)
+        b = _second_order_value(b, _upwind(value, i, j + 2 * along, k), least)
         best = min(best, solved(a, b, beyond, wa, wb, climb, s / 1.5))
         if wx == 0.0 and wy == 0.0:
             break

@@ -70,7 +70,9 @@ class SettingsReader:
     def due(self, codec: Codec) -> bytes:
         """Return the requests to send now; called about once a second."""
         self._calls += 1
-        left = sorted((name for name in self._num_asked if self._num_asked[name] < TRIES), key=self._asked)
+        left = sorted(
+            (name for name in self._num_asked if self._num_asked[name] < TRIES), key=self._num_requests
+        )
         names = left[:ASKED_AT_ONCE]
         for name in names:
             self._num_asked[name] += 1
@@ -83,6 +85,6 @@ class SettingsReader:
             requests.append(codec.request_message(MessageId.AUTOPILOT_VERSION))
         return b"".join(requests)
 
-    def _asked(self, name: str) -> int:
+    def _num_requests(self, name: str) -> int:
         """Return how often a parameter was requested."""
         return self._num_asked[name]

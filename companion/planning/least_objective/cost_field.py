@@ -100,10 +100,10 @@ def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
         fields = (_at_airspeed(field, objective) for field in _world(problem, objective))
         return CostToGo(*(_with_values(field, problem, objective.limits) for field in fields))
 
-    return _kept(_fields, _key(problem, objective), make)
+    return _get_or_create(_fields, _key(problem, objective), make)
 
 
-def _kept(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made]) -> _Made:
+def _get_or_create(known: OrderedDict[_Key, _Made], key: _Key, make: Callable[[], _Made]) -> _Made:
     """Return the stored value, or make and store it."""
     with _lock:
         if key not in known:
@@ -194,7 +194,9 @@ def _cost_rate_fields(problem: Problem, objective: Objective) -> tuple[CostField
 
 def _world(problem: Problem, objective: Objective) -> tuple[CostField, CostField]:
     """Return the cost of a second at cruise without pursuers, stored from plan to plan."""
-    return _kept(_worlds, _world_key(problem, objective), lambda: _cost_rate_fields(problem, objective))
+    return _get_or_create(
+        _worlds, _world_key(problem, objective), lambda: _cost_rate_fields(problem, objective)
+    )
 
 
 def _at_airspeed(world: CostField, objective: Objective) -> CostField:

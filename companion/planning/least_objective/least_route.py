@@ -263,7 +263,7 @@ class LeastRouteSearch:
             return Searched(route, math.inf, objective, best.trace(), num_nodes)
         route, num_cuts = self._shortened(objective, route)
         cost_s = objective_between(objective, route)
-        notes = (*self._given_up(known, danger_max), f"{num_cuts} short cuts")
+        notes = (*self._notes_about(known, danger_max), f"{num_cuts} short cuts")
         return Searched(route, cost_s, objective, best.trace(), num_nodes, notes)
 
     def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
@@ -317,7 +317,7 @@ class LeastRouteSearch:
         self.shortening_s += self._timer() - began
         return route, num_cuts
 
-    def _given_up(self, known: _AtAirspeed, danger_max: float) -> tuple[str, ...]:
+    def _notes_about(self, known: _AtAirspeed, danger_max: float) -> tuple[str, ...]:
         """Return notes about the airspeed and about paths that pursuers can bar."""
         notes = []
         if known.airspeed_m_s > self._airspeeds[0].airspeed_m_s:

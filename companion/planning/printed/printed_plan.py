@@ -54,7 +54,7 @@ def plan_by_sub_tasks(
     search = SubTasks(exploration)
     reached, route, end = search.through_goals(should_stop)
     if not reached and exploration.bars_pursued:
-        search.let_pursuers_be()
+        search.allow_threatened_nodes()
         reached, route, end = search.through_goals(should_stop)
     searched, num_nodes = timer() - began, exploration.num_nodes + int(exploration.tree.count[0])
     trace, notes = trace_of(search), list(search.notes)

@@ -53,11 +53,11 @@ class SubTasks:
         """Return whether the budget has ended."""
         return int(self.exploration.stats[3]) >= self._budget_end or should_stop()
 
-    def let_pursuers_be(self) -> None:
+    def allow_threatened_nodes(self) -> None:
         """Search again from the start, where pursuers bar all ways; they bar none any more."""
         self.notes.append("no path that pursuers could not bar was found")
         self._budget_end = int(self.exploration.stats[3]) + self._problem.settings.max_iterations
-        self.exploration.let_pursuers_be()
+        self.exploration.allow_threatened_nodes()
 
     def through_goals(self, should_stop: ShouldStop) -> Found:
         """Whether all goals were passed in order; the route there or the one that passed the most; its end.

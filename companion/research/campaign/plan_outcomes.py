@@ -67,7 +67,7 @@ class PlanRunner:
         for name in _NAMED:
             del values[name]
         timings = {name: values.pop(name) for name in TIMED}
-        return Outcome(values | self._of_path(mission, world, plan), timings, {"path": path})
+        return Outcome(values | self._path_measures(mission, world, plan), timings, {"path": path})
 
     def _world_of(self, mission: str, setting: str) -> tuple[MissionConfig, Snapshot]:
         config = self._campaign.mission(mission, setting)
@@ -80,7 +80,7 @@ class PlanRunner:
             self._warm.add(key)
             solve(problem)
 
-    def _of_path(self, mission: MissionConfig, world: Snapshot, plan: Plan) -> dict[str, Scalar | None]:
+    def _path_measures(self, mission: MissionConfig, world: Snapshot, plan: Plan) -> dict[str, Scalar | None]:
         """Length and duration, and the moving threats' measures if they are driven."""
         path = plan.path
         if path is None:

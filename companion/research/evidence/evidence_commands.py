@@ -65,7 +65,7 @@ def results_in(folder: Path, console: Console, *, keep: Path | None = None, page
     CompanionError
         If there are no rows, or the files cannot be written.
     """
-    from companion.research.evidence.document.kept_rows import kept_text  # noqa: PLC0415 - drawings are an extra
+    from companion.research.evidence.document.kept_rows import stored_text  # noqa: PLC0415 - drawings are an extra
     from companion.research.evidence.document.results_document import results_document  # noqa: PLC0415
     from companion.research.evidence.results import write_results  # noqa: PLC0415
 
@@ -76,7 +76,7 @@ def results_in(folder: Path, console: Console, *, keep: Path | None = None, page
         store = RunStore.to_read(folder)
         try:
             evidence = evidence_of(store)
-            kept = "" if keep is None else kept_text(store)
+            kept = "" if keep is None else stored_text(store)
         finally:
             store.close()
         try:

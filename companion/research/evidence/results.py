@@ -85,7 +85,7 @@ def write_results(folder: Path, evidence: Evidence) -> tuple[Path, ...]:
     return tuple(folder / name for name in texts)
 
 
-def _leads(evidence: Evidence) -> list[str]:
+def _introduction(evidence: Evidence) -> list[str]:
     """Return the lines that describe the rows."""
     runs = f"{evidence.num_rows:,} of {evidence.num_wanted:,} {evidence.kind}."
     if evidence.num_rows < evidence.num_wanted:
@@ -108,7 +108,7 @@ def _verdict_tables(every: list[Judged]) -> list[ResultTable]:
 
 
 def _markdown(evidence: Evidence, by_case: dict[str, list[ResultTable]], every: list[Judged]) -> str:
-    parts = [f"# {evidence.name}", *_leads(evidence)]
+    parts = [f"# {evidence.name}", *_introduction(evidence)]
     if (overview := overview_table(evidence)) is not None:
         parts += [f"## {ALL}", markdown(overview).rstrip()]
     for title, tables in by_case.items():
@@ -125,7 +125,7 @@ def _page(evidence: Evidence, by_case: dict[str, list[ResultTable]], every: list
         parts.insert(0, Part(ALL, "", [overview]))
     if every:
         parts.append(Part("The paper's orderings", ORDERINGS, _verdict_tables(every)))
-    return results_page(f"Campaign: {evidence.name}", _leads(evidence), parts)
+    return results_page(f"Campaign: {evidence.name}", _introduction(evidence), parts)
 
 
 def _case_part(kind: str, case: Case, number: int, tables: list[ResultTable]) -> Part:

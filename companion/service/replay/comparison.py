@@ -38,7 +38,7 @@ def first_difference(recording: Recording, result: Replayed) -> Difference | Non
 
     On simulated time the instants must be equal, too.
     """
-    found = [_of_decisions(recording, result), _of_missions(recording, result)]
+    found = [_compare_decisions(recording, result), _compare_missions(recording, result)]
     if recording.is_simulated and result.diverged_s is not None:
         found.append((result.diverged_s, "as recorded", result.apart))
     differing = sorted((entry for entry in found if entry is not None), key=lambda entry: entry[0])
@@ -49,7 +49,7 @@ def first_difference(recording: Recording, result: Replayed) -> Difference | Non
     return Difference(stamp, utc_text(recording.epoch_s + stamp), flown, now)
 
 
-def _of_decisions(recording: Recording, result: Replayed) -> tuple[float, str, str] | None:
+def _compare_decisions(recording: Recording, result: Replayed) -> tuple[float, str, str] | None:
     flown_decisions, decisions = (
         [
             entry
@@ -91,7 +91,7 @@ def _quoted(decision: Decision | None, stamp_s: float) -> str:
     return f"'{decision.kind}: {decision.text}'{later}"
 
 
-def _of_missions(recording: Recording, result: Replayed) -> tuple[float, str, str] | None:
+def _compare_missions(recording: Recording, result: Replayed) -> tuple[float, str, str] | None:
     pairs = _pairs(result.flown_uploads, result.uploads, recording.until_s)
     for number, (flown, now) in enumerate(pairs, 1):
         if flown is not None and now is not None and _is_same_upload(flown, now, recording):

@@ -72,7 +72,7 @@ class Tiles:
             f"AND length(tile_data) <= {TILE_MAX}"
         )
         try:
-            found = _asked(self.file, query, zoom, column, 2**zoom - 1 - row)
+            found = _rows_of_query(self.file, query, zoom, column, 2**zoom - 1 - row)
         except sqlite3.Error:  # The file existed when the page was opened; a stick may have been pulled out.
             return None
         return bytes(found[0][0]) if found and isinstance(found[0][0], bytes) else None
@@ -292,7 +292,7 @@ def _refused(file: Path, found: str, expected: str) -> ConfigError:
     return ConfigError("command line", None, _OPTION, f"{printable(file)} ({found})", expected)
 
 
-def _asked(file: Path, query: str, *values: object) -> list[tuple[object, ...]]:
+def _rows_of_query(file: Path, query: str, *values: object) -> list[tuple[object, ...]]:
     """Rows of a database that is only read. It is opened each time: a picture takes a millisecond more."""
     with closing(
         sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, timeout=BUSY_S)
@@ -304,8 +304,10 @@ def _tiles_in(file: Path) -> Tiles:
     """Map tiles of a file."""
     raster = "an MBTiles file with pictures (format png, jpg or webp)"
     try:
-        metadata = {str(name): str(value) for name, value in _asked(file, "SELECT name, value FROM metadata")}
-        levels = _asked(file, "SELECT min(zoom_level), max(zoom_level) FROM tiles")[0]
+        metadata = {
+            str(name): str(value) for name, value in _rows_of_query(file, "SELECT name, value FROM metadata")
+        }
+        levels = _rows_of_query(file, "SELECT min(zoom_level), max(zoom_level) FROM tiles")[0]
     except (sqlite3.Error, ValueError) as error:
         raise _refused(file, str(error), raster) from error
     kind = metadata.get("format", "nothing").strip().lower()

@@ -64,7 +64,7 @@ class _Viewer:
         """Give it time, from now on."""
         self.until_s = now_s + TIMEOUT_S
 
-    def look_on(self) -> None:
+    def add_viewer(self) -> None:
         """From now on it receives new messages."""
         self.is_stream = True
 
@@ -212,7 +212,7 @@ class PageServer:
         elif (
             request.target.partition("?")[0] == STREAM and self._feed is not None and request.method == "GET"
         ):
-            viewer.look_on()
+            viewer.add_viewer()
             viewer.tell(_STREAM_HEAD + _events(self._feed.snapshot(), "snapshot"), now)
         else:
             viewer.tell(self._pages.answer(request), now)

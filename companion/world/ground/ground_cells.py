@@ -99,9 +99,9 @@ def _enter(high: SingleArray, low: SingleArray, up: SingleArray, cells: IntArray
     ``high`` and ``low`` (GX, GY) are of the cells; ``up`` (R, C) of the posts [m], ``cells`` (2, R, C) their
     cells, also beyond the grid.
     """
-    most, least = _of_squares(np.maximum, up), _of_squares(np.minimum, up)
-    begins = [_of_squares(np.minimum, axis) for axis in cells]
-    spans = [_of_squares(np.maximum, axis) - begin for axis, begin in zip(cells, begins, strict=True)]
+    most, least = _over_squares(np.maximum, up), _over_squares(np.minimum, up)
+    begins = [_over_squares(np.minimum, axis) for axis in cells]
+    spans = [_over_squares(np.maximum, axis) - begin for axis, begin in zip(cells, begins, strict=True)]
     for across, along in np.ndindex(*(int(span.max()) + 1 for span in spans)):
         i, j = begins[0] + across, begins[1] + along
         touched = (across <= spans[0]) & (along <= spans[1])
@@ -110,7 +110,7 @@ def _enter(high: SingleArray, low: SingleArray, up: SingleArray, cells: IntArray
         np.minimum.at(low, (i[touched], j[touched]), least[touched])
 
 
-def _of_squares(combine: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+def _over_squares(combine: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
     """Return a function of the four corners of every square, (R - 1, C - 1), of ``values`` (R, C)."""
     sides = combine(values[:-1], values[1:])
     return np.asarray(combine(sides[:, :-1], sides[:, 1:]))

@@ -10,7 +10,7 @@ from companion.errors import ConfigError
 from companion.research.campaign import run_places
 from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.campaign.run_store import RunStore
-from companion.research.evidence.document.kept_rows import kept_evidence, kept_text
+from companion.research.evidence.document.kept_rows import stored_evidence, stored_text
 from companion.research.evidence.evidence_commands import campaign_from_file, results_in
 from companion.research.evidence.samples import evidence_of
 from tests.sim.client import CONFIGS
@@ -46,9 +46,9 @@ def test_what_is_kept_is_what_was_made(folder, tmp_path):
     assert str(kept) in console.file.getvalue()
     store = RunStore.to_read(folder)
     whole = evidence_of(store)
-    assert kept.read_text(encoding="utf-8") == kept_text(store)
+    assert kept.read_text(encoding="utf-8") == stored_text(store)
     store.close()
-    found = kept_evidence(kept)
+    found = stored_evidence(kept)
     assert (found.name, found.kind, found.num_rows, found.num_wanted) == ("made", "plans", 48, 48)
     assert (found.commits, found.machines) == (whole.commits, whole.machines)
     assert [case.title for case in found.cases] == [case.title for case in whole.cases]
@@ -70,7 +70,7 @@ def test_what_is_kept_is_what_was_made(folder, tmp_path):
 
 def test_a_file_that_is_not_whole_is_told(folder, tmp_path):
     store = RunStore.to_read(folder)
-    text = kept_text(store)
+    text = stored_text(store)
     store.close()
     file = tmp_path / "kept.csv"
     head, _, body = text.partition("\n")
@@ -80,9 +80,9 @@ def test_a_file_that_is_not_whole_is_told(folder, tmp_path):
     for wrong in broken:
         file.write_text(wrong, encoding="utf-8")
         with pytest.raises(ConfigError, match=r"kept\.csv: rows: got .*; expected what companion results"):
-            kept_evidence(file)
+            stored_evidence(file)
     with pytest.raises(ConfigError, match="No such file"):
-        kept_evidence(tmp_path / "none.csv")
+        stored_evidence(tmp_path / "none.csv")
 
 
 def test_of_no_rows_nothing_is_kept(tmp_path):
@@ -90,7 +90,7 @@ def test_of_no_rows_nothing_is_kept(tmp_path):
     file.write_text(SPEC, encoding="utf-8")
     store = RunStore.to_write(tmp_path / "out", load_campaign(file), resumes=False)
     with pytest.raises(ConfigError, match="a campaign without a row"):
-        kept_text(store)
+        stored_text(store)
     store.close()
 
 

@@ -45,7 +45,7 @@ def test_parameters_that_an_autopilot_does_not_have_are_left_out(dialect):
 
 
 @pytest.mark.parametrize(
-    ("dialect", "parameters"), [(Dialect.ARDUPILOT, Parameters()), (Dialect.PX4, Parameters.of_px4())]
+    ("dialect", "parameters"), [(Dialect.ARDUPILOT, Parameters()), (Dialect.PX4, Parameters.px4_defaults())]
 )
 def test_the_defaults_of_the_autopilots_are_predicted(dialect, parameters):
     parameters.add_battery()

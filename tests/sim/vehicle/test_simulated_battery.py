@@ -100,7 +100,7 @@ def test_without_the_section_nothing_tells_of_a_battery(dialect):
     client = Client(Simulator(plain_mission(), seed=1, dialect=dialect))
     autopilot = client.simulator.autopilot
     assert len(autopilot.parameters) == len(
-        Parameters() if dialect is Dialect.ARDUPILOT else Parameters.of_px4()
+        Parameters() if dialect is Dialect.ARDUPILOT else Parameters.px4_defaults()
     )
     assert client.stream(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0) != 0
     client.step(3.0)

@@ -20,13 +20,13 @@ def flown(*, is_watched=True, flood=0, identity="icao:00F100", more=""):
     """A flight, and what was told of it: (when, topic, message, whether it was written down)."""
     harness, told = SitlHarness(mission_from_text(FIRST_FLIGHT + more, "first-flight.yaml")), []
 
-    def look_on(topic, data):
+    def add_viewer(topic, data):
         told.append((harness.now_s, topic, json.loads(data), False))
 
     def listen(topic, _now_s, _message, data):
         told.append((harness.now_s, topic, json.loads(data), True))
 
-    harness.recorder.listen(listen, look_on if is_watched else None)
+    harness.recorder.listen(listen, add_viewer if is_watched else None)
 
     def step(harness):
         if harness.now_s >= FLOODED_S:

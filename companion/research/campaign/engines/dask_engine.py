@@ -71,7 +71,7 @@ class DaskEngine:
 
         def hand_out() -> None:
             run = waiting.popleft()
-            future = client.submit(_made, campaign, self._places, run, pure=False)
+            future = client.submit(_outcome_on_worker, campaign, self._places, run, pure=False)
             begun[future.key] = run, datetime.now(UTC), time.perf_counter()
             over.add(future)
 
@@ -96,7 +96,7 @@ def _result(future: _Typed) -> tuple[Packed, Provenance | None]:
     return outcome, made_by
 
 
-def _made(campaign: Campaign, places: dict[str, str], run: Run) -> tuple[Packed, Provenance]:
+def _outcome_on_worker(campaign: Campaign, places: dict[str, str], run: Run) -> tuple[Packed, Provenance]:
     """Make a run on a worker; the runner is kept for the next run of the same campaign."""
     with _lock:
         key = json_text(campaign.identity())

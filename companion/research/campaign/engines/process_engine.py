@@ -139,11 +139,11 @@ class ProcessEngine:
     def _received(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
         """Return the message of a process: that it has warmed up, or the outcome of a run."""
         if worker.is_ready:
-            return self._taken(worker, waiting)
+            return self._result_of_worker(worker, waiting)
         self._greet(worker, waiting)
         return None
 
-    def _taken(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
+    def _result_of_worker(self, worker: _Worker, waiting: deque[Run]) -> Finished | None:
         """Return the outcome that a process reports; None if its run should be tried again."""
         run, started, began_s = worker.run, worker.started, worker.began_s
         assert run is not None

@@ -25,13 +25,13 @@ _NAMED = ("number", "mission", "setting", "method", "seed", "error", "commit", "
 _LENGTH_MAX = 50_000_000
 
 
-def kept_names(kind: str) -> tuple[str, ...]:
+def stored_measures(kind: str) -> tuple[str, ...]:
     """Return the kept measures of a kind of run."""
     rates = [name for name, _ in RATES[kind]]
     return tuple(dict.fromkeys([*rates, *(of.name for group in GROUPS[kind] for of in group.measures)]))
 
 
-def kept_text(store: RunStore) -> str:
+def stored_text(store: RunStore) -> str:
     """Return a campaign's rows as the text of such a file.
 
     Raises
@@ -40,7 +40,7 @@ def kept_text(store: RunStore) -> str:
         If there is no row yet.
     """
     rows, header, dimensions = stored(store)
-    names = kept_names(str(header["kind"]))
+    names = stored_measures(str(header["kind"]))
     commits, machines = (
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("commit", "machine")
     )
@@ -56,7 +56,7 @@ def kept_text(store: RunStore) -> str:
     return buffer.getvalue()
 
 
-def kept_evidence(file: Path) -> Evidence:
+def stored_evidence(file: Path) -> Evidence:
     """Read such a file.
 
     Raises

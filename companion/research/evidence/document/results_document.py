@@ -7,7 +7,7 @@ from pathlib import Path
 
 from companion.errors import ConfigError
 from companion.research.evidence.document.flown_tables import flown_parts
-from companion.research.evidence.document.kept_rows import ENDING, kept_evidence
+from companion.research.evidence.document.kept_rows import ENDING, stored_evidence
 from companion.research.evidence.document.paper_tables import counts_table, ordering_tables, value_tables
 from companion.research.evidence.document.reasons import Reasons, load_reasons
 from companion.research.evidence.document.sources import provenance_of
@@ -48,16 +48,16 @@ def results_document(folder: Path) -> str:
             str(folder), None, "FOLDER", f"no *{ENDING}", "rows that companion results --keep wrote"
         )
     reasons = load_reasons(folder / REASONS)
-    every = [kept_evidence(file) for file in files]
+    every = [stored_evidence(file) for file in files]
     parts = [_HEAD.rstrip()]
-    for kind, make in (("plans", _of_plans), ("flights", flown_parts), ("anytime", _of_others)):
+    for kind, make in (("plans", _plans_part), ("flights", flown_parts), ("anytime", _other_part)):
         for evidence in every:
             if evidence.kind == kind:
                 parts += [*make(evidence, reasons)]
     return "\n\n".join(parts) + "\n"
 
 
-def _of_plans(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
+def _plans_part(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
     """Parts with the paper's tables, verdicts, and reasons."""
     verdicts = list(judged(evidence))
     yield "## The paper's Tables 1 to 5"
@@ -75,7 +75,7 @@ def _of_plans(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
     yield "\n".join(f"{n}. {' '.join(reason.why.split())}" for n, reason in enumerate(reasons.orderings, 1))
 
 
-def _of_others(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
+def _other_part(evidence: Evidence, reasons: Reasons) -> Iterator[str]:
     """Tables that compare ours with planners of other libraries."""
     yield "## Beside OMPL"
     yield f"{provenance_of(evidence)} {OF_WHICH['anytime']}"
