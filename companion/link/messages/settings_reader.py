@@ -70,9 +70,8 @@ class SettingsReader:
     def due(self, codec: Codec) -> bytes:
         """Return the requests to send now; called about once a second."""
         self._calls += 1
-        left = sorted(
-            (name for name in self._num_asked if self._num_asked[name] < TRIES), key=self._num_requests
-        )
+        left = [name for name in self._num_asked if self._num_asked[name] < TRIES]
+        left.sort(key=self._num_asked.__getitem__)
         names = left[:ASKED_AT_ONCE]
         for name in names:
             self._num_asked[name] += 1
@@ -84,7 +83,3 @@ class SettingsReader:
             self._num_versions_asked += 1
             requests.append(codec.request_message(MessageId.AUTOPILOT_VERSION))
         return b"".join(requests)
-
-    def _num_requests(self, name: str) -> int:
-        """Return how often a parameter was requested."""
-        return self._num_asked[name]
