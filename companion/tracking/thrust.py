@@ -70,19 +70,24 @@ class _Sample(NamedTuple):
 class _Rate(NamedTuple):
     """Rate of the energy [m/s] in a window that ends at a time [s].
 
-    With it the lowest throttle in the window, the difference to the rate in the window before [m/s], and the
-    mean airspeed [m/s].
+    With it the lowest and the mean throttle in the window, the difference to the rate in the window before
+    [m/s], and the mean airspeed [m/s].
     """
 
     stamp_s: float
     energy_m_s: float
     throttle: float
+    mean_throttle: float
     change_m_s: float
     airspeed_m_s: float
 
 
 class _Usual(NamedTuple):
-    """Medians of earlier rates: energy [m/s], throttle, airspeed [m/s]; the spread of gusts [m/s]."""
+    """Medians of earlier rates: energy [m/s], throttle, airspeed [m/s]; the spread of gusts [m/s].
+
+    The throttle is the mean of each window. Its lowest value, as after a throttle closed for a moment, would
+    let a descent with less throttle than before look like one with the same.
+    """
 
     energy_m_s: float
     throttle: float
@@ -135,8 +140,9 @@ class ThrustMonitor:
         earlier = (rate for rate in reversed(self._rates) if sample.stamp_s - rate.stamp_s >= WINDOW_S)
         before = next(earlier, None)
         change = math.nan if before is None else slope - before.energy_m_s
-        throttle, airspeed = float(throttles.min()), float(airspeeds.mean())
-        self._rates.append(_Rate(sample.stamp_s, slope, throttle, change, airspeed))
+        throttle, mean_throttle = float(throttles.min()), float(throttles.mean())
+        airspeed = float(airspeeds.mean())
+        self._rates.append(_Rate(sample.stamp_s, slope, throttle, mean_throttle, change, airspeed))
         while sample.stamp_s - self._rates[0].stamp_s > GUSTS_S:
             self._rates.popleft()
 
@@ -213,7 +219,7 @@ class ThrustMonitor:
         if not recent or not changes:
             return None
         energy, throttle, airspeed = np.median(
-            [(rate.energy_m_s, rate.throttle, rate.airspeed_m_s) for rate in recent], axis=0
+            [(rate.energy_m_s, rate.mean_throttle, rate.airspeed_m_s) for rate in recent], axis=0
         )
         deviation = MAD_TO_DEVIATION * float(np.median(changes)) / math.sqrt(2.0)
         return _Usual(energy, throttle, airspeed, deviation)

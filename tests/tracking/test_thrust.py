@@ -67,6 +67,16 @@ def test_a_descent_with_less_throttle_is_none():
     assert told_s(level(20.0) + sinking(20.0, 40.0, 3.0, 0.1)) is None
 
 
+def test_a_descent_with_less_throttle_than_its_mean_before_is_none():
+    """As a real ArduPlane's return began: a throttle that opens in turns and closes between, then a descent.
+
+    A half of the time 0.5, the other 0.3: 0.4 in the mean, and 0.35 is 0.05 less than that.
+    """
+    turns = [(stamp, up, airspeed, 0.5 if int(stamp) % 2 else 0.3) for stamp, up, airspeed, _ in level(20.0)]
+    assert told_s(turns + sinking(20.0, 40.0, 4.5, 0.35)) is None
+    assert told_s(turns + sinking(20.0, 40.0, 4.5, 0.4)) is not None
+
+
 def test_a_loss_with_the_throttle_as_before_is_told():
     assert 21.5 <= told_s(level(20.0) + sinking(20.0, 30.0, 2.8, 0.5)) <= 24.5
 
