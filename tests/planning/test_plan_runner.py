@@ -15,7 +15,7 @@ from companion.planning.plan_runner import (
     StopRule,
     ThreadRunner,
 )
-from companion.recording.reader import _taken_of
+from companion.recording.reader import _plan_timing_of
 
 
 def test_what_is_broken_off_stops_at_the_next_question_and_for_good():
@@ -38,7 +38,7 @@ def test_whoever_lets_its_time_run_out_did_not_break_it_off():
 
 @pytest.mark.parametrize("was", [False, True])
 def test_a_replay_stops_where_the_flight_did_and_knows_why(was):
-    taken = _taken_of({"asked": 3, "is_stopped": True, "took_s": 0.2, "is_broken_off": was})
+    taken = _plan_timing_of({"asked": 3, "is_stopped": True, "took_s": 0.2, "is_broken_off": was})
     timing = RecordedRunner({7: taken}).timing(ManualClock(1.0), 5.0, 7)
     assert [timing.rule() for _ in range(3)] == [False, False, True]
     assert timing.until_s == pytest.approx(1.2)
