@@ -88,7 +88,7 @@ def is_on_last_leg(state: FlightState, ownship: Ownship, ahead_s: float) -> bool
     flown = state.flown
     if flown is None or not state.flies_to_goal or flown.covered_until_s < flown.path.times_s[-1]:
         return False
-    if missed_goal(flown.path.since(flown.row), state.goals[state.next_goal : -1]):
+    if _missed_on_the_way(state):
         return False
     progress = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS)
     left = float(flown.path.times_s[-1]) - time_at(flown.path, progress)
@@ -187,10 +187,15 @@ def start_at(
 
 def violations_of_rest(state: FlightState, rest: Path) -> tuple[Violation, ...]:
     """Return the violations of the rest of the flown path, which should also pass the goals left."""
-    found, flown = state.violations_of(rest), state.flown
-    if flown is None:
-        return found
-    return (*found, *missed_goal(flown.path.since(flown.row), state.goals[state.next_goal : -1]))
+    return (*state.violations_of(rest), *_missed_on_the_way(state))
+
+
+def _missed_on_the_way(state: FlightState) -> tuple[Violation, ...]:
+    """Return the first goal left before the last one that the rest of the flown path does not pass."""
+    flown = state.flown
+    return (
+        () if flown is None else missed_goal(flown.path.since(flown.row), state.goals[state.next_goal : -1])
+    )
 
 
 def missed_goal(path: Path, goals: Sequence[GoalRegion]) -> tuple[Violation, ...]:
