@@ -173,7 +173,7 @@ class FlightJudge:
         )
         begin_s = self.entered_s or math.inf  # until then the list is the operator's, walls on its way
         other_s = self.event("other mission") or math.inf
-        joined_s = (self.event("return") or math.inf) + JOINED_S
+        return_s = self.event("return") or math.inf
         self._here = self._target = self._current = self._from = None
         self._velocity, self._bank, self._yaw, self._airspeed = (0.0, 0.0), 0.0, 0.0, 0.0
         is_flown, next_s = False, 0.0
@@ -186,9 +186,9 @@ class FlightJudge:
                 if message.get_type() == "MISSION_ACK":
                     self.held.hear(stamp_s, message)
                 is_flown = self._follow(stamp_s, message, is_flown)
-                self._returns_by_path |= is_flown and stamp_s > joined_s
-                if stamp_s > joined_s - JOINED_S and message.get_type() == "MISSION_CURRENT":
-                    self._currents.append((stamp_s, message.seq))
+                self._returns_by_path |= is_flown and stamp_s > return_s + JOINED_S
+                if stamp_s > return_s and message.get_type() == "MISSION_CURRENT":
+                    self._note_current(stamp_s, message.seq)
             is_known = None not in (self._here, self._target, self._current)
             if is_flown and is_known and max(begin_s, next_s) <= stamp_s < other_s:
                 next_s = stamp_s + JUDGED_EACH_S
@@ -368,18 +368,18 @@ class FlightJudge:
         row["verdict"] = "ok" if not row["faults"] else "; ".join(row["faults"])
         return row
 
+    def _note_current(self, stamp_s, item):
+        """Note from when on an item is flown to."""
+        if not self._currents or self._currents[-1][1] != item:
+            self._currents.append((stamp_s, item))
+
     def _beside_legs(self):
         """How far the aircraft was beside the legs by which it returned; None without a return."""
-        changes = [
-            entry for entry, before in zip(self._currents, [(0.0, -1), *self._currents], strict=False)
-            if entry[1] != before[1]
-        ]  # fmt: skip
         items = self.held.items
         places = [self._place(item) for item in items]
         commands = [0 if item is None else item.command for item in items]
-        return farthest_beside_legs(
-            self.path, [change for change in changes if change[1] < len(items)], places, commands
-        )
+        flown = [(stamp_s, item) for stamp_s, item in self._currents if item < len(items)]
+        return farthest_beside_legs(self.path, flown, places, commands)
 
     def _texts(self, kind):
         return [entry["message"].split(": ", 1)[-1] for entry in self.decided(kind)]

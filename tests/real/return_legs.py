@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 
-LANDINGS = (21, 31)  # NAV_LAND, NAV_LOITER_TO_ALT: legs of the operator's landing
+from companion.types.mission import Command
+
+LANDINGS = (Command.NAV_LAND, Command.NAV_LOITER_TO_ALT)  # Legs of the operator's landing.
 
 
 def farthest_beside_legs(path, currents, places, commands):

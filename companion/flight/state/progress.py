@@ -192,10 +192,10 @@ def violations_of_rest(state: FlightState, rest: Path) -> tuple[Violation, ...]:
 
 def _missed_on_the_way(state: FlightState) -> tuple[Violation, ...]:
     """Return the first goal left before the last one that the rest of the flown path does not pass."""
-    flown = state.flown
-    return (
-        () if flown is None else missed_goal(flown.path.since(flown.row), state.goals[state.next_goal : -1])
-    )
+    if state.flown is None:
+        return ()
+    rest = state.flown.path.since(state.flown.row)
+    return missed_goal(rest, state.goals[state.next_goal : -1])
 
 
 def missed_goal(path: Path, goals: Sequence[GoalRegion]) -> tuple[Violation, ...]:

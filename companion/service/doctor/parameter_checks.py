@@ -15,7 +15,7 @@ from companion.mission.waypoints import FLY_BY_M
 from companion.service.doctor.failsafe_checks import ARDUPLANE_FAILSAFES, PX4_FAILSAFES
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
-from companion.types.state import BY_RETURN_PATH
+from companion.types.state import BY_RETURN_PATH, LANDING_AT_ONCE
 
 MEASURED = {Dialect.ARDUPILOT: (4, 7), Dialect.PX4: (1, 17)}
 NAMES = {Dialect.ARDUPILOT: "ArduPilot", Dialect.PX4: "PX4"}
@@ -69,7 +69,7 @@ ARDUPLANE = (
     ),
     ParameterCheck(
         "RTL_AUTOLAND",
-        lambda v: v in (2.0, 4.0),
+        lambda v: v in (LANDING_AT_ONCE, BY_RETURN_PATH),
         "set 4, or 2 before version 4.6.2, and the planner keeps a checked return path: "
         "others return straight, and with 0 it does not arm while the mission has a DO_LAND_START",
     ),
