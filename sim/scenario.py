@@ -118,7 +118,7 @@ def build(
     )  # fmt: skip
     radius = parameters["WP_LOITER_RAD"]
     place = (start.east_m, start.north_m, start.up_m)
-    centre = safe_loiter(mission.obstacle_list, place, start.course_rad, radius, ground)
+    centre = safe_loiter(mission, place, start.course_rad, ground)
     autopilot: ArduPlane | Px4
     if dialect is Dialect.ARDUPILOT:
         autopilot = plane = ArduPlane(flight, projection, parameters, home)

@@ -12,6 +12,7 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 
 from companion.config import MissionConfig
+from companion.config.compose import vehicle_of
 from companion.config.sections.terrain_map import posts_of
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.threat import Obstacle
@@ -47,20 +48,18 @@ def ground_of(mission: MissionConfig) -> tuple[TrueGround | None, float]:
 
 
 def safe_loiter(
-    obstacles: tuple[Obstacle, ...],
-    start: tuple[float, float, float],
-    course_rad: float,
-    radius_m: float,
-    ground: TrueGround | None = None,
+    mission: MissionConfig, start: Place, course_rad: float, ground: TrueGround | None
 ) -> tuple[float, float]:
     """East and north [m] of a circle near the start that can be flown to and round without hitting anything.
 
-    The circle lies straight ahead if that is clear, else to one side, else where obstacles are farthest.
+    The circle lies straight ahead if that is clear, else to one side, else where obstacles are farthest. It
+    is as wide as the tightest turn that is possible on all courses in the mission's wind.
     """
     east, north, up = start
+    radius_m = vehicle_of(mission).turn_radius_in(mission.simulation.wind_speed_m_s)
     level = [
         Polygon(entry.polygon_enu_m)
-        for entry in obstacles
+        for entry in mission.obstacle_list
         if entry.base_m - _HEIGHT_MARGIN_M <= up <= entry.top_m + _HEIGHT_MARGIN_M
     ]
     walls = shapely.unary_union(level)
@@ -81,9 +80,7 @@ def safe_loiter(
     return best
 
 
-def _over_ground_m(
-    ground: TrueGround, start: tuple[float, float, float], centre: tuple[float, float], radius_m: float
-) -> float:
+def _over_ground_m(ground: TrueGround, start: Place, centre: tuple[float, float], radius_m: float) -> float:
     """Least height over ground on the way to a circle and on it, flown level [m]."""
     angles = np.linspace(0.0, 2.0 * math.pi, 36)
     share = np.linspace(0.0, 1.0, 20)

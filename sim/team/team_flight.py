@@ -309,9 +309,8 @@ def _circle_before_the_first_plan(mission: MissionConfig, place: FloatArray, goa
     """
     east, north = float(place[0]), float(place[1])
     course_rad = math.atan2(goal[0] - east, goal[1] - north)
-    radius_m = float(round(mission.vehicle.turn_radius_min_m))
     start = (east, north, float(mission.start.up_m))
-    return np.array(safe_loiter(mission.obstacle_list, start, course_rad, radius_m, ground_of(mission)[0]))
+    return np.array(safe_loiter(mission, start, course_rad, ground_of(mission)[0]))
 
 
 def _spots(

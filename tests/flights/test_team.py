@@ -1,17 +1,23 @@
 """Two aircraft fly towards each other: with a team they pass apart, without one they nearly meet."""
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from companion.config import load_mission, mission_from_text
+from companion.flight.exchange import announced_plan
+from companion.flight.exchange.announced_plan import WAITS_S
 from companion.types.events import Dialect
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
-from tests.flight.replanning.test_surprise import LONG
-from tests.flight.test_geofences import BOTH
+from tests.flight.replanning.test_surprise import LONG, ahead
+from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
 from tests.sim.client import CONFIGS
 from tests.team.shared_goal_flights import flown as flown_without_one
 from tests.team.shared_goal_flights import mission_of
+
+FENCED_S = 30.0
 
 
 def flown(mission, num, loss, dialect=Dialect.PX4, seed=1, *, shares=True):
@@ -70,6 +76,35 @@ def test_the_goals_of_a_member_that_is_gone_are_flown_by_the_other_one():
     assert all(passed for passed in flight.summary()["goals_flown_by"])
     assert (list(flight.arrived_s), flight.is_separate, flight.hit_s) == ([1], True, {})
     assert not any(decision.kind == "off path" for decision in flight.flights[0].recorder.decisions)
+
+
+class FenceAhead(TeamFlight):
+    """From ``FENCED_S`` on there is a fence on the path of member 1, which never hears member 2 again."""
+
+    place = None
+
+    def members_there(self, now_s):
+        first = self.flights[0]
+        if now_s >= FENCED_S and self.place is None:
+            harness = SimpleNamespace(flight=first, simulator=first.simulator, app=first.app)
+            self.place = ahead(harness)
+            fence(harness, (CIRCLE_OUT, 150.0, *self.place))
+        return super().members_there(now_s)
+
+
+@BOTH
+@pytest.mark.parametrize("waits_s", [WAITS_S, 0.0])
+def test_a_path_that_meets_a_fence_is_left_without_the_approval_of_a_silent_member(
+    waits_s, dialect, monkeypatch
+):
+    """Beside it the same flight by a service that always waits: it flies into the fence."""
+    monkeypatch.setattr(announced_plan, "WAITS_S", waits_s)
+    mission = mission_from_text(LONG, "long.yaml")
+    flight = FenceAhead(mission, 2, 1, dialect, gone_s={2: FENCED_S})
+    fly_team(flight)
+    rows = np.array(flight.flights[0].simulator.truth.path)
+    is_kept = np.hypot(*(rows[:, 1:3] - flight.place).T).min() > 150.0
+    assert is_kept is np.bool_(waits_s == WAITS_S)
 
 
 def test_members_start_and_end_apart_and_every_other_one_flies_back():

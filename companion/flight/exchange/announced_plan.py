@@ -10,6 +10,7 @@ import numpy as np
 
 from companion.config.sections.team_section import TeamConfig
 from companion.flight.prediction.mode_tracks import mode_tracks
+from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
@@ -23,6 +24,7 @@ CIRCLE_S = 60.0  # An aircraft that circles has come round by then.
 ROUND_S, ROUND_M = 15.0, 30.0  # It has come round if it is so near to where it was so long before.
 OFF_S = 2.0  # An aircraft that is off its plan for so long flies something else.
 STANDS_M_S = 3.0  # An aircraft that is slower than this stands on the ground.
+WAITS_S = 15.0  # Approval takes up to 7 s in a team of eight that loses every fifth message, a turn 8 s.
 
 
 def announced_rows(state: FlightState, ownship: Ownship, current: MissionCurrent | None) -> FloatArray:
@@ -49,6 +51,22 @@ def announced_rows(state: FlightState, ownship: Ownship, current: MissionCurrent
     track = mode_tracks(state, ownship, current, CIRCLE_S).positions_enu_m[-1]
     times = ownship.stamp_s + STEP_S * np.arange(1, len(track))
     return np.vstack([here, np.column_stack([times, track[1:]])])
+
+
+def can_wait(state: FlightState, ownship: Ownship, current: MissionCurrent | None) -> bool:
+    """Return whether what is flown keeps clear of obstacles and fences until others have approved a plan.
+
+    Parameters
+    ----------
+    state : FlightState
+        Flight mode, target, the autopilot's parameters and list, obstacles and fences.
+    ownship : Ownship
+        The aircraft now.
+    current : MissionCurrent or None
+        The mission item being flown.
+    """
+    tracks = mode_tracks(state, ownship, current, WAITS_S)
+    return any(is_clear(state, track) for track in tracks.positions_enu_m)
 
 
 def circled(rows: FloatArray) -> tuple[FloatArray, float]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from companion.clock import Clock
 from companion.flight.construction.mission_construction import ConstructedMission
-from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows
+from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind, Verdict
@@ -173,6 +173,8 @@ class TeamExchange:
     def propose(self, constructed: ConstructedMission) -> str:
         """Propose what is flown if a mission is entered; return with whom that conflicts, '' for nobody.
 
+        It is announced instead if what is flown now meets an obstacle before the others could approve.
+
         Parameters
         ----------
         constructed : ConstructedMission
@@ -185,6 +187,10 @@ class TeamExchange:
         utc_s = self._clock.now_s() + ahead_s
         plan = self._plan_of(constructed, agreement.member, ahead_s)
         if plan is None:
+            return ""
+        ownship = self._ownship.state(self._clock.now_s())
+        if ownship is not None and not can_wait(self._flight.state, ownship, self._link.autopilot.current):
+            agreement.announce(plan)
             return ""
         self._is_asking = True
         # The autopilot's direction may have become known since. It cannot be announced during a proposal.

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from companion.assurance.violation import Violation
 from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.config.models import Bounds
@@ -42,9 +43,14 @@ class Team:
 
     def __init__(self, team=TEAM):
         self.clock, self.sent, self.told = ManualClock(), [], []
-        self.state = SimpleNamespace(
-            mission=SimpleNamespace(team=team, frame=FRAME, bounds=BOUNDS), flown=None, turn_radius_m=80.0
+        self.met = []
+        checker = SimpleNamespace(
+            limits=SimpleNamespace(margin_m=10.0), check_track=lambda _places, _margin: self.met
         )
+        self.state = SimpleNamespace(
+            mission=SimpleNamespace(team=team, frame=FRAME, bounds=BOUNDS), flown=None, turn_radius_m=80.0,
+            motion=Motion.STEERED, target_enu_m=None, rules=SimpleNamespace(checker=checker),
+        )  # fmt: skip
         self.own = Ownship(0.0, (0.0, 0.0, 100.0), 0.0, 0.0, 20.0, 0.0)
         codec = SimpleNamespace(vehicle_system_id=1, team_message=lambda payload: payload)
         self.exchange = TeamExchange(
@@ -142,6 +148,16 @@ def test_a_mission_may_be_entered_once_all_have_approved_and_is_committed_once_i
     assert told.place_at(AHEAD_S + 10.0 + 20.0) == pytest.approx((600.0, 0.0, 100.0), abs=3.0)
     assert told.place_at(AHEAD_S + 500.0) == pytest.approx((1200.0, 0.0, 100.0), abs=1.0)
     assert told.end_s == pytest.approx(AHEAD_S + 10.0 + (1000.0 - 80.0) / 20.0, abs=0.2)  # where it enters
+
+
+def test_nobody_is_waited_for_while_the_flown_path_meets_an_obstacle():
+    team = Team().begin()
+    team.met = [Violation("clearance", 3, 5.0, 10.0, "distance to tower [m]")]
+    assert team.exchange.propose(mission(*AHEAD)) == ""
+    assert team.exchange.is_given
+    assert team.exchange.agreement.committed.rows[-1, 1:] == pytest.approx(AHEAD[-1], abs=0.5)  # Rounded.
+    team.talk(1.0)
+    assert [plan.member for plan in team.others[2].plans_to_clear()] == [1]
 
 
 def test_what_is_not_approved_in_time_may_not_be_entered():
