@@ -2,8 +2,9 @@
 
 Radars follow formula (1), with lines of sight against the prisms themselves. Moving threats are bounded by
 what they can do: from where they were sighted, on the shortest path round corners, at full speed, and nearer
-by twice the deviation of their position. Several threats combine by the A-IFS of paper 3.1 and 3.3, for an
-aircraft whose position is known (δ = 0). Plain NumPy and shapely.
+by twice the deviation of their position. Aircraft that only pass are nearer by that deviation. Several
+threats combine by the A-IFS of paper 3.1 and 3.3, for an aircraft whose position is known (δ = 0). Plain
+NumPy and shapely.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from companion.types.threat import Obstacle, Radar, ThreatPicture, TrackState
 
 SPREADS_S = 30.0  # So far ahead it grows less certain where such an aircraft will be.
 EYE_M = 2.0  # The eye of a ground vehicle is this high above the ground.
-DEVIATIONS = 2.0  # A threat is assumed nearer by this many standard deviations of its position.
+DEVIATIONS = 2.0  # A pursuer is assumed nearer by this many standard deviations of its position.
 SPACING_M = 30.0  # Between rows farther apart, further points are examined.
 CORNER_M = 1.0  # Paths of ground vehicles pass an obstacle's corner at this distance.
 
@@ -153,7 +154,7 @@ class Exposure:
         is_level, away[:, 2] = np.abs(away[:, 2]) <= track.clear_up_m, 0.0
         place, velocity = _deviation(track, (0, 2)), _deviation(track, (1, 3))
         ranges = np.linalg.norm(away, axis=1)
-        spread = DEVIATIONS * np.hypot(place, velocity * ahead) + track.circles_m(at.times)
+        spread = np.hypot(place, velocity * ahead) + track.circles_m(at.times)
         nearer = np.maximum(ranges - spread, 0.0)
         seen = is_level & (nearer <= track.max_threat_radius_m)
         mu, _ = _pair(at, away, nearer, track.max_threat_radius_m, seen, self._model)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -316,12 +316,11 @@ def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
     return len(rows_at_goals(states, goals[:-1])) == len(goals) - 1
 
 
-def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> Route:
-    """Lead a route that ends inside the goal region to the goal's centre.
+def finishing_routes(exploration: Exploration, route: Route, goal: FloatArray) -> Iterator[Route]:
+    """Yield routes that lead to the goal's centre instead of ending inside the goal region.
 
-    Dubins edges to the goal are tried from a few rows before the end, with arrival courses at and near
-    the bearing. The first that is flyable and clear replaces the end. If there is none, the route is
-    not changed: it ends inside the region.
+    Dubins edges to the goal replace the end, from a few rows before it, with arrival courses at and near the
+    bearing. Those that are flyable and clear are yielded, the shortest edges first.
 
     Parameters
     ----------
@@ -349,7 +348,4 @@ def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> 
             if status != JOINED or rows.times[n - 1] > route.times[-1] + 4.0 * limits.tau:
                 continue
             if is_flyable(rows, n, i + 1, limits) and is_clear(rows, i + 1, n, obstacles, limits):
-                found = Route.of(rows, n)
-                if pursuit_risk(exploration, found).total_s <= pursuit_risk(exploration, route).total_s:
-                    return found
-    return route
+                yield Route.of(rows, n)

@@ -173,15 +173,15 @@ def test_numbers_that_are_none_are_reported_and_break_nothing():
 
 
 def test_an_aircraft_that_flies_on_by_hand():
-    # It is 2000 m north and flies south at 50 m/s: after 30 s 500 m are left, less twice what is not known.
+    # It is 2000 m north and flies south at 50 m/s: after 30 s 500 m are left, less what is not known.
     passing = replace(
         track(0.0, 2_000.0, reach=610.0, airborne=True), velocity_enu_m_s=(0.0, -50.0, 0.0), flies_on=True,
         position_enu_m=(0.0, 2_000.0, 100.0),
     )  # fmt: skip
     path = path_of([30.0, 31.0], [(0.0, 0.0, 100.0), (0.0, 1.0, 100.0)], [0.0, 0.0])
     assert levels(path, tracks=[passing])[0] == pytest.approx(CERTAIN * math.exp(-((500.0 / 610.0) ** 4)))
-    unsure = replace(passing, covariance=np.diag([30.0**2, 1.0, 30.0**2, 1.0]))  # 2·√(30² + 30²) = 85 m
-    nearer = (500.0 - 2.0 * math.hypot(30.0, 30.0)) / 610.0
+    unsure = replace(passing, covariance=np.diag([30.0**2, 1.0, 30.0**2, 1.0]))  # √(30² + 30²) = 42 m
+    nearer = (500.0 - math.hypot(30.0, 30.0)) / 610.0
     assert levels(path, tracks=[unsure])[0] == pytest.approx(CERTAIN * math.exp(-(nearer**4)))
     assert levels(replace(path, times_s=path.times_s - 10.0), tracks=[passing])[0] == 0.0
     above = replace(passing, position_enu_m=(0.0, 2_000.0, 180.0))

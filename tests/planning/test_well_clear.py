@@ -8,7 +8,7 @@ import pytest
 
 from companion.planning import explore
 from companion.planning.comparators import METHODS
-from companion.planning.least_objective import short_cuts
+from companion.planning.least_objective import least_route, short_cuts
 from companion.planning.solver import solve
 from tests.support.worlds import problem, track
 
@@ -77,7 +77,7 @@ def test_far_on_the_wrong_side_the_rule_asks_for_no_detour():
 
 def test_an_aircraft_that_is_hardly_slower_is_overtaken_above_cruise():
     """At cruise it is in the way up to the goal, so that the path waits in circles."""
-    other = meeting(90.0, 12.5)
+    other = replace(meeting(90.0, 12.5), covariance=np.diag([240.0, 4.0, 240.0, 4.0]))
     path = planned(other)
     at_cruise = planned(other, strategies=METHODS["safe-rrt-cruise"])
     assert min(passage(path, other)[0], passage(at_cruise, other)[0]) > 610.0
@@ -91,8 +91,8 @@ def test_detours_find_cheaper_ways_past_a_fast_aircraft(monkeypatch):
     seen = track(
         10_062.0, 520.0, velocity=(-384.0, -26.0), airborne=True, up=239.0, radius=610.0, speed=384.0
     )
-    spread = np.diag([60.0, 4.5, 66.0, 4.5])
-    other = replace(seen, flies_on=True, covariance=spread, clear_up_m=76.2, height_std_m=4.0)
+    spread = np.diag([240.0, 18.0, 264.0, 18.0])
+    other = replace(seen, flies_on=True, covariance=spread, clear_up_m=76.2, height_std_m=8.0)
     asked = problem(
         tracks=[other], dimension=3, start=(1262.0, 0.0, 250.0), direction=0.0, goal=(3000.0, 0.0, 250.0),
         bounds=(-3000.0, 6000.0, -3500.0, 3500.0, 40.0, 500.0), sensing_horizon_m=11_000.0,
@@ -102,3 +102,17 @@ def test_detours_find_cheaper_ways_past_a_fast_aircraft(monkeypatch):
     monkeypatch.setattr(short_cuts, "loses_well_clear", lambda *_: False)
     without = [solve(each).objective_s for each in every]
     assert np.mean(ours) < np.mean(without) - 5.0
+
+
+def test_a_path_does_not_sink_to_the_goals_centre_through_a_well_clear_volume(monkeypatch):
+    """A slow aircraft flies 55 m below the last part of the way. Above it is room up to within the radius."""
+    seen = track(2200.0, 0.0, velocity=(0.5, 0.0), airborne=True, up=195.0, radius=610.0, speed=1.0)
+    spread = np.diag([20.0, 0.1, 20.0, 0.1])
+    other = replace(seen, flies_on=True, covariance=spread, clear_up_m=76.2, height_std_m=8.0)
+    asked = problem(
+        tracks=[other], dimension=3, start=(0.0, 0.0, 250.0), direction=0.0, goal=(3000.0, 0.0, 250.0),
+        bounds=(-1000.0, 6000.0, -3500.0, 3500.0, 40.0, 500.0), sensing_horizon_m=11_000.0,
+    )  # fmt: skip
+    ours_s = solve(asked).objective_s
+    monkeypatch.setattr(least_route, "FINISHING_S", math.inf)
+    assert ours_s < solve(asked).objective_s - 20.0

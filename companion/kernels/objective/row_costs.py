@@ -19,7 +19,7 @@ from companion.kernels.geometry.prism_distance import prism_bound, prism_clearan
 from companion.kernels.geometry.radar_shadow import is_hidden
 from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.native.struct import Struct
-from companion.kernels.printed.reachability import passing_place, passing_spread
+from companion.kernels.printed.reachability import PASSING_STD, passing_place, passing_spread
 from companion.kernels.search.growth import LEAST_CLEAR
 from companion.kernels.threat.fuzzy_threat import membership
 from companion.kernels.threat.near_aircraft import MARGIN_M, MARGIN_UP_M, WRONG_SIDE_M, cell_at
@@ -124,7 +124,7 @@ def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, tim
 
     It rises from :data:`AT_SURFACE` to :data:`AT_CENTRE` in the well clear volume. Outside it falls from 1 to
     0 at a margin, which is wider on its wrong side (:mod:`companion.world.right_of_way`). The volume is wider
-    by twice the standard deviation of where the aircraft will be. One that turns, or says where it flies
+    by the standard deviation of where the aircraft will be. One that turns, or says where it flies
     next, may do so, or fly straight on from now; the worse counts.
     """
     last = pursuers.count[d] - 2
@@ -146,7 +146,7 @@ def danger_if(
 ) -> float:
     """Return the danger if aircraft ``d`` is ``there`` at ``time`` [m]."""
     climbed = 0.0 if pursuers.model[d, 7] else there[2] - pursuers.position[d, 0, 2]
-    height = pursuers.model[d, 5] + 2.0 * math.hypot(pursuers.model[d, 6], CLIMB_STD * climbed)
+    height = pursuers.model[d, 5] + PASSING_STD * math.hypot(pursuers.model[d, 6], CLIMB_STD * climbed)
     above = abs(there[2] - z) - height
     if above > MARGIN_UP_M:
         return 0.0
@@ -222,6 +222,16 @@ def rows_cost(rows: PathRows, first: int, n: int, objective: Objective) -> float
         danger = pursuit_danger(state[0], state[1], state[2], time, objective)
         total += row_cost(state, time, time - rows.times[k - 1], danger, objective)
     return total
+
+
+@kernel
+def most_danger(rows: PathRows, n: int, objective: Objective) -> float:
+    """Return the largest :func:`pursuit_danger` on a path of ``n`` rows."""
+    worst = 0.0
+    for k in range(n):
+        state = rows.states[k]
+        worst = max(worst, pursuit_danger(state[0], state[1], state[2], rows.times[k], objective))
+    return worst
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 
 from companion.kernels.arrays import Int1D, NearAircraft, Pursuers
 from companion.kernels.native.kernel import inlined, kernel
-from companion.kernels.printed.reachability import SPREADS_S
+from companion.kernels.printed.reachability import PASSING_STD, SPREADS_S
 from companion.kernels.printed.threat_tree import FLIES_ON
 
 MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
@@ -58,7 +58,7 @@ def box_in_bin(
     for i in range(k + 1, end + 1):
         west, east = min(west, place[i, 0]), max(east, place[i, 0])
         south, north = min(south, place[i, 1]), max(north, place[i, 1])
-    reach = model[1] + 2.0 * math.hypot(model[2], model[4] * SPREADS_S) + MARGIN_M + SLACK_M
+    reach = model[1] + PASSING_STD * math.hypot(model[2], model[4] * SPREADS_S) + MARGIN_M + SLACK_M
     if late == near.bins - 1 or begins + BIN_S >= model[8]:
         reach += model[9]
     return west - reach, east + reach, south - reach, north + reach

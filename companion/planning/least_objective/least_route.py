@@ -20,10 +20,10 @@ from companion.planning.least_objective.cost_field import (
     is_near_ground,
     least_s,
 )
-from companion.planning.least_objective.prices import objective_between, objective_of
+from companion.planning.least_objective.prices import danger_along, objective_between, objective_of
 from companion.planning.least_objective.short_cuts import shortened_route
 from companion.planning.least_objective.tree_growth import GrowthRules, ObjectiveTree
-from companion.planning.route import Route, finished_route, route_from_tree
+from companion.planning.route import Route, finishing_routes, route_from_tree
 from companion.types.plan import SearchTrace
 
 # A higher airspeed is tried if other aircraft make the path at cruise cost this many times as much. At a
@@ -32,6 +32,7 @@ FASTER_FROM = 2.0
 GAP_M = (
     25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
 )
+FINISHING_S = 1.0  # The last turn to the goal's centre may cost so much more than straight flight.
 
 
 class Patience(NamedTuple):
@@ -183,10 +184,7 @@ class LeastRouteSearch:
 
     def _is_clear_of_all(self, found: Searched) -> bool:
         """Return whether a path reaches the goal and no other aircraft adds to its cost."""
-        if not found.reached:
-            return False
-        prices = found.objective.prices._replace(pursued=0.0)
-        return objective_between(found.objective._replace(prices=prices), found.route) == found.cost_s
+        return found.reached and danger_along(found.objective, found.route) == 0.0
 
     def _to_goals_before(self) -> Searched:
         """Return a path to as many goals, in their order, as can be reached; the last one cannot."""
@@ -307,10 +305,18 @@ class LeastRouteSearch:
         wide = objective._replace(limits=limits._replace(margin=limits.margin + GAP_M))
         return cost_to_go_of(problem, wide).fine
 
+    def _finished(self, objective: Objective, route: Route) -> Route:
+        """Lead a path to the goal's centre, unless that costs much more than straight flight on to there."""
+        centre = np.array(self._exploration.problem.goals[-1].position_enu_m)
+        left_s = float(np.linalg.norm(centre - route.states[-1, :3])) / objective.limits.v_cruise
+        enough_s = objective_between(objective, route) + left_s + FINISHING_S
+        routes = finishing_routes(self._exploration, route, centre)
+        return next((found for found in routes if objective_between(objective, found) <= enough_s), route)
+
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
         """Lead a path to the goal's centre and shorten it; return it with the number of short cuts."""
         exploration, began = self._exploration, self._timer()
-        route = finished_route(exploration, route, np.array(exploration.problem.goals[-1].position_enu_m))
+        route = self._finished(objective, route)
         num_cuts = 0
         if exploration.problem.settings.strategies.optimiser is Optimiser.RRT_STAR:
             route, num_cuts = shortened_route(exploration, objective, route, self._should_stop)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.objective.row_costs import Objective, Prices, fill_deviations, rows_cost, rows_seen
+from companion.kernels.objective.row_costs import (
+    Objective,
+    Prices,
+    fill_deviations,
+    most_danger,
+    rows_cost,
+    rows_seen,
+)
 from companion.kernels.workspace import filter_scratch
 from companion.planning.explore import Exploration
 from companion.planning.problem import Problem
@@ -88,6 +95,11 @@ def objective_between(objective: Objective, route: Route, first: int = 1, end: i
         Rows that count.
     """
     return float(rows_cost(route.rows, first, len(route) if end is None else end, objective))
+
+
+def danger_along(objective: Objective, route: Route) -> float:
+    """Return the largest danger from pursuers and from aircraft that fly on (g of J) on a route."""
+    return float(most_danger(route.rows, len(route), objective))
 
 
 def seconds_seen(objective: Objective, route: Route) -> float:

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.kernels.objective.row_costs import AT_SURFACE, Objective, longest_seen, pursuit_danger
+from companion.kernels.objective.row_costs import AT_SURFACE, Objective, longest_seen
 from companion.kernels.search.path_edit import fill_detour, fill_short_cut
 from companion.kernels.workspace import PathRows, empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.least_objective.prices import objective_between
+from companion.planning.least_objective.prices import danger_along, objective_between
 from companion.planning.route import Route, assess_route, cost_between, pursuit_risk, visits_goals
 
 SPARE_ROWS = 64
@@ -86,10 +86,7 @@ def loses_well_clear(objective: Objective, route: Route) -> bool:
     route : Route
         A path that no pursuer threatens.
     """
-    if not len(objective.game.vehicles):
-        return False
-    rows = zip(route.states, route.times, strict=True)
-    return any(pursuit_danger(row[0], row[1], row[2], time, objective) >= AT_SURFACE for row, time in rows)
+    return danger_along(objective, route) >= AT_SURFACE
 
 
 def detour(exploration: Exploration, route: Route, i: int, j: int, out: PathRows) -> Route | None:
