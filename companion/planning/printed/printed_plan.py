@@ -85,7 +85,17 @@ def plan_by_sub_tasks(
 
 
 def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> Route:
-    """Lead a route to the goal's centre (3,) [m], unless pursuers threaten it for longer then."""
+    """Lead a route to the goal's centre, unless pursuers threaten it for longer then.
+
+    Parameters
+    ----------
+    exploration : Exploration
+        The search that found the route.
+    route : Route
+        Ends inside the goal region.
+    goal : ndarray, shape (3,)
+        Centre of the goal region [m].
+    """
     risk_s, routes = pursuit_risk(exploration, route).total_s, finishing_routes(exploration, route, goal)
     return next((found for found in routes if pursuit_risk(exploration, found).total_s <= risk_s), route)
 
