@@ -74,7 +74,7 @@ pythons: $(STAMP) ## test with every Python of 3.11 to 3.13 that is installed
 page-test: $(STAMP) ## drive the page in headless Chromium; needs Debian's chromium and chromium-driver
 	@command -v chromedriver > /dev/null && command -v chromium > /dev/null || { \
 		echo "headless Chromium is needed: apt-get install chromium chromium-driver" >&2; exit 1; }
-	$(BIN)/pytest -q -m page tests/ui/page tests/editor
+	$(BIN)/pytest -q -m page tests/ui/page tests/ui/editor
 
 mavproxy-test: $(STAMP) ## look at MAVProxy's map with our module; MAVPROXY=/path/to/mavproxy.py, Xvfb, ImageMagick
 	@command -v Xvfb > /dev/null && command -v import > /dev/null && command -v "$${MAVPROXY:-mavproxy.py}" > /dev/null || { \
@@ -159,11 +159,11 @@ team-fast: $(STAMP) ## fly RUNS teams of AIRCRAFT (128) that share their plans, 
 
 .PHONY: team-goals
 team-goals: $(STAMP) ## fly N (50) teams of four that share goals, of which one is gone at a random moment; FLAGS=--px4
-	$(BIN)/python -m tests.team -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+	$(BIN)/python -m tests.mission.team -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
 .PHONY: team-maps
 team-maps: $(STAMP) ## fly N (50) teams of two to eight over random maps, paper-2d and city-block, with shared plans and without
-	$(BIN)/python -m tests.team maps -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+	$(BIN)/python -m tests.mission.team maps -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
 # Rows and tables lie in flights/encounters; FLAGS=--resume goes on with what was stopped.
 encounters: $(STAMP) ## fly encounters with the models of MIT Lincoln Laboratory in the folder MODELS, and print their tables

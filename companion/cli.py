@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 from typer.models import CommandInfo
 
-from companion import __version__, editor, plain_text
+from companion import __version__, plain_text
 from companion.cli_options import (
     Force,
     GeojsonTarget,
@@ -37,9 +37,10 @@ from companion.cli_options import (
     write_json,
     writing,
 )
+from companion.config.conversion import mission_commands
 from companion.errors import CompanionError, ConfigError
-from companion.mission_files import mission_commands
 from companion.service.process.log_format import LogKind, PlainFormatter, set_up
+from companion.ui.editor import register as register_editor
 
 EXIT_FAILED = 1
 RECORDING_SUFFIXES = (".mcap", ".tlog")
@@ -78,13 +79,13 @@ def check(
     from companion.config.mission_summary import mission_summary, summary_parts
 
     if plot is not None:
-        from companion.config.compose import world_of
+        from companion.config import world_of
         from companion.ui.reports.plots import plot_mission
 
     config = load_mission(mission)
     heights, tables, line = dict[str, object](), list[object](), None
     if items is not None:
-        from companion.mission_files import items_over_ground as over_ground
+        from companion.config.conversion import items_over_ground as over_ground
 
         listed = over_ground.items_over_ground(items, config)
         heights["items_over_ground"] = over_ground.items_document(listed)
@@ -435,7 +436,7 @@ def _name_of(command: CommandInfo) -> str:
 
 
 mission_commands.register(app)
-editor.register(app)
+register_editor(app)
 OWN_COMMANDS = frozenset(map(_name_of, app.registered_commands))
 
 

@@ -18,8 +18,8 @@ from companion.config import MissionConfig, load_mission, require_goals
 from companion.config.compose import world_of
 from companion.errors import ConfigError
 from companion.frames import FloatArray
-from companion.research.campaign.run_places import FLIGHT, places
 from companion.research.campaign.runs import plan_runs, result_of
+from companion.run_places import FLIGHT, places
 from companion.types.path import Path as FlightPath
 from companion.types.plan import Plan
 from companion.types.record import FlightRecord

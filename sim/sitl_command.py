@@ -24,7 +24,7 @@ from companion.cli_options import (
     make_ready_with_bar,
     write_json,
 )
-from companion.research.campaign.run_places import FLIGHT, PURSUERS, WATCHED, offer
+from companion.run_places import FLIGHT, PURSUERS, WATCHED, offer
 from companion.types.events import Dialect
 
 if TYPE_CHECKING:  # Every command of companion loads this module, and most of them do not fly.

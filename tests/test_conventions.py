@@ -19,7 +19,7 @@ BROAD_EXCEPTS: dict[str, str] = {
     "companion/cli.py": "the top of the program: whatever was not foreseen becomes a logged exit code 4",
     "companion/planning/plugins/foreign_code.py": "the top of another package's code: its fault becomes ours",
     "companion/flight/tasks/app.py": "the top of each task: logs the fault with its trace, raises it again",
-    "companion/threads.py": "the top of a thread: hands the fault to whoever awaits the thread",
+    "companion/planning/threads.py": "the top of a thread: hands the fault to whoever awaits the thread",
 }
 
 # The only modules that know a library, so that the rest can be read without it.

@@ -7,11 +7,10 @@ import json
 import pytest
 
 import companion
-from companion import load_mission, offline, plan
+from companion import load_mission, offline, plan, run_places
 from companion.cli import EXTRA_COMMANDS
 from companion.config import mission_from_text
 from companion.errors import ConfigError
-from companion.research.campaign import run_places
 from companion.types.plan import PlanStatus
 from tests.sim.client import CONFIGS
 

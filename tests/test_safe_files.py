@@ -9,7 +9,7 @@ import pytest
 
 from companion.config import load_mission
 from companion.config.compose import world_of
-from companion.config.pilot_parameters import Parameters
+from companion.config.parameters.pilot_parameters import Parameters
 from companion.errors import RecordError
 from companion.flight.state.checkpoint import Checkpoint
 from companion.link.wire.signing import Timestamps

@@ -15,9 +15,9 @@ from companion.config.source import KeyPath
 from companion.errors import ThreatModelError
 from companion.frames import FloatArray
 from companion.kernels.arrays import Ground
+from companion.mission.team.wire import SHARED_GOALS_MAX
 from companion.planning.plugins.installed_planners import method_fault
 from companion.planning.plugins.installed_threats import InstalledSight
-from companion.team.wire import SHARED_GOALS_MAX
 from companion.world.ground.cell_lookup import cell_at
 from companion.world.vehicle.energy import level_power_range
 

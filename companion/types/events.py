@@ -412,7 +412,7 @@ class TeamMessage:
     system_id : int
         System id of the sender.
     payload : bytes
-        What :mod:`companion.team.wire` reads.
+        What :mod:`companion.mission.team.wire` reads.
     """
 
     stamp_s: float

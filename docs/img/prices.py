@@ -12,8 +12,8 @@ from matplotlib import pyplot
 from matplotlib.patches import Circle, Polygon
 
 from companion.config.load import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 
 HERE = Path(__file__).parent
 MAP = HERE.parents[1] / "mission_configs" / "paper-2d.yaml"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from companion.config import MissionConfig
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.errors import CompanionError
 from companion.mission.waypoints import waypoints_from_path
 from companion.planning.comparators import PLAN_ONCE, STRAIGHT_LINE
 from companion.planning.solver import solve
 from companion.research.campaign.campaign_spec import Run
 from companion.research.campaign.flown_methods import LinkFaultsConfig
-from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.events import Dialect
 from ..faults import FaultKind, FaultyLink, LinkFaults, random_schedule
 from ..simulator import Place

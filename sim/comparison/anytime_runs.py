@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.config.offline_problem import judged_plan, offline_problem, offline_world
 from companion.planning.comparators import ANYTIME_METHODS
 from companion.planning.explore import Exploration
 from companion.planning.problem import Problem
@@ -18,7 +19,6 @@ from companion.planning.route import cost_between, route_along, route_from_path
 from companion.planning.solver import solve
 from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 from companion.research.campaign.engines.runners import Outcome
-from companion.research.campaign.runs import judged_plan, offline_problem, offline_world
 from .ompl_edges import Edges, Pose
 from .ompl_planners import searched
 

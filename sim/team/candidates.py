@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.team.separation import PackedPlans
-from companion.team.shared_plan import SharedPlan, entering_circle
+from companion.mission.team.separation import PackedPlans
+from companion.mission.team.shared_plan import SharedPlan, entering_circle
 from .scenes import Scene
 
 OFFSETS = (0.0, 0.06, -0.06, 0.15, -0.15, 0.3, -0.3)  # Of the middle of the path, as shares of its length.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.team.agreement import Agreement, Outcome
-from companion.team.shared_plan import SharedPlan
+from companion.mission.team.agreement import Agreement, Outcome
+from companion.mission.team.shared_plan import SharedPlan
 from .candidates import CandidatePath, Circling, candidates, first_clear, paths_to
 from .scenes import FRAME, Scene, starts_and_goals
 from .team_radio import TeamRadio

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.frames import FloatArray, LocalFrame
-from companion.team.team_settings import TeamSettings
+from companion.mission.team.team_settings import TeamSettings
 
 FRAME = LocalFrame(47.4, 8.5, 450.0)
 SPACING_M = 40.0  # Between the edges of two circles, in addition to the separation.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.kernels.aircraft.lqg_mp import propagate
 from companion.kernels.arrays import Float1D, Float2D, Obstacles, Pursuers, Tree, Uncertainty
 from companion.kernels.geometry.line_of_sight import line_blocked
@@ -18,7 +19,6 @@ from companion.kernels.printed.reachability import gets_to
 from companion.kernels.threat.fuzzy_threat import line_threat
 from companion.kernels.workspace import FilterScratch, KNearest, ThreatScene, threat_scene
 from companion.planning.explore import Exploration
-from companion.research.campaign.runs import offline_problem, offline_world
 from tests.sim.client import CONFIGS
 
 pytestmark = pytest.mark.bench

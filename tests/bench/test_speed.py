@@ -8,10 +8,10 @@ import pytest
 from companion.assurance.checker import Checker
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.flight.construction.mission_construction import construct
 from companion.flight.state.flight_state import first_state
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from sim.simulator import Simulator
 from tests.sim.client import CONFIGS
 

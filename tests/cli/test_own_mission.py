@@ -8,7 +8,7 @@ import pytest
 
 from companion.config import load_mission
 from tests.cli.calls import FIRST_FLIGHT
-from tests.mission_files.files import EXAMPLES, collection, feature, plan, waypoint, written
+from tests.config.conversion.files import EXAMPLES, collection, feature, plan, waypoint, written
 
 HOME, GOAL = "-35.363261,149.165230,584", "-35.3565 149.1845"
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from companion.config.pilot_parameters import ENABLE, TABLE, Parameters
+from companion.config.parameters.pilot_parameters import ENABLE, TABLE, Parameters
 from companion.link.messages.codec import Codec
 from companion.link.messages.component import answer
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness

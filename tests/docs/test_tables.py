@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from companion.config import mission_from_text
-from companion.config.pilot_parameters import ENABLE, TABLE, Parameters
+from companion.config.parameters.pilot_parameters import ENABLE, TABLE, Parameters
 from companion.flight.state.decision import DecisionKind, Verdict
 from companion.service.doctor.failsafe_checks import failsafe_names
 from companion.service.doctor.parameter_checks import FAILSAFES, PARAMETER_CHECKS, parameter_names

@@ -8,8 +8,8 @@ import pytest
 from companion.assurance.checker import Checker
 from companion.config import load_mission
 from companion.config.compose import check_limits_of
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.events import Dialect
 from sim.sitl import Flight
 from tests.flights.flown import reaches, stays_inside, touches_anything, true_places

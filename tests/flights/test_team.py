@@ -13,9 +13,9 @@ from companion.types.events import Dialect
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG, ahead
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
+from tests.mission.team.shared_goal_flights import flown as flown_without_one
+from tests.mission.team.shared_goal_flights import mission_of
 from tests.sim.client import CONFIGS
-from tests.team.shared_goal_flights import flown as flown_without_one
-from tests.team.shared_goal_flights import mission_of
 
 FENCED_S = 30.0
 

@@ -4,12 +4,12 @@ import io
 import zipfile
 
 from companion.config import mission_from_text
+from companion.config.conversion.exchange_files import READERS
+from companion.config.conversion.formats.foreign_file import BYTES_MAX
+from companion.config.conversion.found_places import Importer
+from companion.config.conversion.mission_composition import Wishes, composed
+from companion.config.conversion.mission_text import text_of_mission
 from companion.errors import ConfigError
-from companion.mission_files.exchange_files import READERS
-from companion.mission_files.formats.foreign_file import BYTES_MAX
-from companion.mission_files.found_places import Importer
-from companion.mission_files.mission_composition import Wishes, composed
-from companion.mission_files.mission_text import text_of_mission
 from tests.fuzz.targets import Target, Work, promise
 
 ENDINGS = tuple(READERS)
@@ -80,7 +80,7 @@ IMPORT_TARGETS = (
         "import",
         check_import,
         work_import,
-        tuple(f"companion.mission_files.formats.{name}" for name in MODULES),
+        tuple(f"companion.config.conversion.formats.{name}" for name in MODULES),
         words=WORDS,
     ),
 )

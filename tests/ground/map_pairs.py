@@ -27,11 +27,11 @@ from ompl import base, geometric, util
 from pyproj import Transformer
 
 from companion.config import mission_from_text
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.config.sections.terrain_map import posts_of
 from companion.errors import ConfigError
 from companion.frames import LocalFrame
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from sim.vehicle.true_ground import TrueGround
 
 TURN_M, CLIMB_RAD, LEAST_M, MOST_M = 66.67, 0.15, 50.0, 120.0

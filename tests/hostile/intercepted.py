@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config.pilot_parameters import ENABLE
+from companion.config.parameters.pilot_parameters import ENABLE
 from companion.link.messages.codec import signer_of
 from companion.link.wire.signing import Timestamps
 from companion.types.events import Dialect

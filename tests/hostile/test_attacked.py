@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import ManualClock
 from companion.config import mission_from_text
-from companion.config.pilot_parameters import ENABLE
+from companion.config.parameters.pilot_parameters import ENABLE
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.modes import Mode
 from companion.link.wire.memory_transport import MemoryTransport

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from companion.config import load_mission, mission_from_text
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.config.rules import rules_of
 from companion.errors import ConfigError
 from companion.flight.construction.mission_construction import commanded_airspeed_m_s
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.plan import PlanStatus
 from companion.types.state import AutopilotSettings
 from companion.world.vehicle.vehicle_model import VehicleModel

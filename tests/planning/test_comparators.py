@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.comparators import METHODS, Optimiser, Strategies
 from companion.planning.explore import Exploration
 from companion.planning.printed.sub_tasks import SubTasks
 from companion.planning.route import pursuit_risk, route_from_path
 from companion.planning.settings import SUB_TASK_ITERATIONS
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from tests.planning.test_solver import checker_for
 from tests.sim.client import CONFIGS
 from tests.support.worlds import problem, track

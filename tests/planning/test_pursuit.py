@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.config import load_mission, mission_from_text
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.comparators import Strategies
 from companion.planning.problem import GoalRegion
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.plan import PlanStatus, PursuitRisk
 from companion.types.threat import Obstacle
 from tests.games.generator import random_game

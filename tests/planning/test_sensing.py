@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.problem import GoalRegion
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.threat import Radar
 from tests.support.worlds import problem, track
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.kernels.search.growth import collision_cost
 from companion.planning.explore import Exploration
 from companion.planning.printed.printed_plan import worth
 from companion.planning.route import assess_route, cost_between, route_from_path
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from tests.proofs.test_uncertainty_pays import noisy
 from tests.sim.client import CONFIGS
 

@@ -17,12 +17,12 @@ import shapely
 from matplotlib.figure import Figure
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_world
 from companion.kernels.aircraft.dubins import distance_to_point
 from companion.kernels.arrays import empty_tree
 from companion.kernels.printed import reachability as r
 from companion.kernels.workspace import reach_scratch
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_world
 from companion.types.threat import TrackState
 from companion.world.pursuer_trees import threat_trees
 from sim.threats.roads import Roads

@@ -12,10 +12,10 @@ import shapely
 from scipy.stats import binom
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.frames import direction_from_course
 from companion.kernels.aircraft.lqg_mp import collision_free, look_up_gain
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from companion.world.vehicle.lqg import uncertainty_tables
 from tests.sim.client import CONFIGS
 

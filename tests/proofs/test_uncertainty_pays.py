@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from tests.proofs import test_lqg_honesty as honesty
 from tests.sim.client import CONFIGS
 

@@ -8,10 +8,10 @@ import pytest
 import shapely
 from rich.console import Console
 
+from companion import run_places
 from companion.config import load_mission
 from companion.config.models import DynamicThreatConfig
 from companion.errors import ConfigError, NoAutopilotError
-from companion.research.campaign import run_places
 from companion.research.campaign.campaign_progress import run_campaign
 from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.campaign.runs import plan_runs

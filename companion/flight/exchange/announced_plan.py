@@ -14,8 +14,8 @@ from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
-from companion.team.agreement import Agreement
-from companion.team.shared_plan import SharedPlan
+from companion.mission.team.agreement import Agreement
+from companion.mission.team.shared_plan import SharedPlan
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 

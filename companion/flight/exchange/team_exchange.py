@@ -21,9 +21,9 @@ from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind, Verdict
 from companion.flight.state.flight_state import StateOwner, after_auction
 from companion.flight.state.team_part import is_available, new_agreement, reached_goals
-from companion.team.agreement import Agreement, Outcome
-from companion.team.member_tracks import STOPS_S, may_come_into, members_among, track_of_plan
-from companion.team.shared_plan import SharedPlan, entering_circle
+from companion.mission.team.agreement import Agreement, Outcome
+from companion.mission.team.member_tracks import STOPS_S, may_come_into, members_among, track_of_plan
+from companion.mission.team.shared_plan import SharedPlan, entering_circle
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import ClockReported, TeamMessage
 from companion.types.threat import TrackState

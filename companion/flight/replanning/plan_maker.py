@@ -17,8 +17,8 @@ from companion.flight.state.progress import Start, budget_s, keeps_limits
 from companion.planning.plan_runner import PlanBrokenOffError, PlanRunner, PlanTiming, StopRule
 from companion.planning.problem import GoalRegion, Problem
 from companion.planning.solver import solve_in_flight
+from companion.planning.threads import in_thread
 from companion.recording.recorder import Recorder
-from companion.threads import in_thread
 from companion.types.plan import Plan
 from companion.types.record import PlanRecord
 from companion.types.threat import ThreatTree

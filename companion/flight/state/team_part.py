@@ -7,10 +7,10 @@ import numpy as np
 from companion.config.sections.team_section import TeamConfig
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.modes import Mode
-from companion.team.agreement import Agreement
-from companion.team.goal_auction import GoalAuction
-from companion.team.shared_plan import NUMBERS
-from companion.team.team_settings import TeamSettings
+from companion.mission.team.agreement import Agreement
+from companion.mission.team.goal_auction import GoalAuction
+from companion.mission.team.shared_plan import NUMBERS
+from companion.mission.team.team_settings import TeamSettings
 
 REPLY_S, REPEAT_S, QUIET_S = 0.4, 1.0, 5.0  # As in TeamSettings: a plan has seconds to be approved.
 AVAILABLE = frozenset({Mode.ACTIVE, Mode.LOST})

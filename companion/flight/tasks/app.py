@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 
 from companion.assurance.emergency import EmergencyStep
 from companion.config import MissionConfig
-from companion.config.pilot_parameters import ENABLE, Sender
+from companion.config.parameters.pilot_parameters import ENABLE, Sender
 from companion.flight.messages.link_watch import LinkWatch
 from companion.flight.state.decision import MODE_ANNOUNCEMENTS, DecisionKind
 from companion.flight.state.flight_state import (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from companion.clock import Clock
 from companion.config import MissionConfig
-from companion.config.pilot_parameters import Parameters
+from companion.config.parameters.pilot_parameters import Parameters
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.observer import Observer
 from companion.flight.messages.vehicle_link import VehicleLink

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from companion.flight.tasks.composition import Composition
+from companion.mission.team.member_tracks import members_among
 from companion.recording import mcap_schema as channels
 from companion.recording.recorder import TRACK, Recorder
-from companion.team.member_tracks import members_among
 from companion.token_bucket import TokenBucket
 from companion.types.events import Event, GlobalPosition, TrackReport
 

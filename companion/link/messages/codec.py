@@ -271,7 +271,7 @@ class Codec:
         )
 
     def team_message(self, payload: bytes) -> bytes:
-        """Pack a payload of :mod:`companion.team.wire` as a TUNNEL message to everybody."""
+        """Pack a payload of :mod:`companion.mission.team.wire` as a TUNNEL message to everybody."""
         fields = 0, 0, TEAM_PAYLOAD, len(payload), payload.ljust(128, b"\0")
         return self._packed(mavlink.MAVLink_tunnel_message(*fields))
 

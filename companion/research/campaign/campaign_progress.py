@@ -22,8 +22,8 @@ from companion.research.campaign.engines.finished import Finished
 from companion.research.campaign.engines.process_engine import ProcessEngine
 from companion.research.campaign.engines.runners import runner_at
 from companion.research.campaign.provenance import provenance
-from companion.research.campaign.run_places import places
 from companion.research.campaign.run_store import RunStore
+from companion.run_places import places
 
 
 class _Shown(NamedTuple):

@@ -10,14 +10,15 @@ from collections.abc import Callable
 from typing import cast
 
 from companion.config import MissionConfig
+from companion.config.offline_problem import judged_plan, offline_problem, offline_world
 from companion.frames import FloatArray
 from companion.planning.problem import Problem
 from companion.planning.solver import never, solve
 from companion.research.campaign.campaign_spec import Campaign, Run, Scalar
 from companion.research.campaign.engines.runners import Outcome
 from companion.research.campaign.measures import pursuit_measures
-from companion.research.campaign.run_places import PURSUERS
-from companion.research.campaign.runs import judged_plan, offline_problem, offline_world, result_of
+from companion.research.campaign.runs import result_of
+from companion.run_places import PURSUERS
 from companion.types.path import Path
 from companion.types.plan import Plan
 from companion.world.snapshot import Snapshot

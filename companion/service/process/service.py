@@ -16,6 +16,7 @@ from companion.errors import CompanionError, ConfigError
 from companion.flight.tasks.app import App
 from companion.kernels.native.ready import make_ready
 from companion.link.wire.transport import Transport, transport_from_url
+from companion.planning.threads import in_thread
 from companion.recording.retention import FLIGHTS_MAX_BYTES, discard, keep_pruned
 from companion.service.process.metrics import Endpoint, Metrics
 from companion.service.process.observers import LivePage, Observers, page_of
@@ -23,7 +24,6 @@ from companion.service.process.recorded_flight import RecordedFlight
 from companion.service.process.sd_notify import Notifier, watchdog_of
 from companion.service.process.signing_setup import signing_of
 from companion.service.process.watchdog import Report, Supervision, stacks_logged
-from companion.threads import in_thread
 
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT)
 

@@ -18,20 +18,20 @@ from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import StateOwner, after_position, first_state
 from companion.flight.state.modes import Mode
 from companion.flight.state.team_part import settings_of
+from companion.mission.team.agreement import Agreement, Outcome
+from companion.mission.team.goal_auction import GoalAuction
+from companion.mission.team.shared_plan import SharedPlan
+from companion.mission.team.team_settings import TeamSettings
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import GoalRegion
-from companion.team.agreement import Agreement, Outcome
-from companion.team.goal_auction import GoalAuction
-from companion.team.shared_plan import SharedPlan
-from companion.team.team_settings import TeamSettings
 from companion.types.events import ClockReported, Motion, TeamMessage
 from companion.types.state import Ownship
 from companion.types.threat import TrackState
 from tests.flight.construction.test_cycle import state
 from tests.flight.prediction.test_mode_tracks import in_mode
 from tests.flight.replanning.test_surprise import LONG
+from tests.mission.team.team_plans import FRAME
 from tests.support.paths import path_of
-from tests.team.team_plans import FRAME
 
 BOUNDS = Bounds(east_m=(-2000.0, 2000.0), north_m=(-2000.0, 2000.0), up_m=(0.0, 200.0))
 AHEAD_S = 1.9e9  # UTC less the clock

@@ -17,7 +17,7 @@ from pymavlink.generator.mavcrc import x25crc
 from pymavlink.mavftp import MAVFTP
 
 from companion.config import mission_from_text
-from companion.config.pilot_parameters import TABLE, Parameters
+from companion.config.parameters.pilot_parameters import TABLE, Parameters
 from companion.flight.messages.send_budgets import SendBudgets
 from companion.link.messages.codec import Codec, signer_of
 from companion.link.wire.framing import raw_frame

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import mission_from_text
-from companion.config.pilot_parameters import Parameters
+from companion.config.parameters.pilot_parameters import Parameters
 from companion.flight.messages.send_budgets import SendBudgets
 from companion.link.messages.codec import Codec
 from companion.link.messages.file_server import BURST_MAX, DATA_MAX, SESSION_S, SESSIONS_MAX, FileServer

@@ -7,10 +7,10 @@ import pytest
 import shapely
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.comparators import METHODS, Certainty
 from companion.planning.settings import settings_for
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from companion.types.threat import Radar
 from tests.support.exact_paths import ExactGrid, memberships
 from tests.support.paths import box

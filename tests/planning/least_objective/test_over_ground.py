@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from companion.config import mission_from_text
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.config.sections.terrain_map import posts_of
 from companion.planning.solver import solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from sim.vehicle.true_ground import TrueGround
 from tests.ground.ground_flights import LEAST_M, MOST_M, scenario_text
 from tests.support.exact_over_ground import (

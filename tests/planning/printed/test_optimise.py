@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.config import load_mission
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.planning.explore import Exploration
 from companion.planning.printed.optimise import is_no_worse, rrt_star_route, smoothed_route
 from companion.planning.printed.sub_tasks import SubTasks
 from companion.planning.route import Assessment, assess_route
 from companion.planning.solver import never, solve
-from companion.research.campaign.runs import offline_problem, offline_world
 from tests.support.paths import box
 from tests.support.worlds import problem
 

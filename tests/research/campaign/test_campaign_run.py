@@ -12,8 +12,8 @@ import sys
 import pytest
 from rich.console import Console
 
+from companion import run_places
 from companion.errors import CompanionError, ConfigError, RecordError
-from companion.research.campaign import run_places
 from companion.research.campaign.campaign_progress import run_campaign
 from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.campaign.run_store import DATABASE, RunStore
@@ -168,11 +168,7 @@ def test_a_file_that_is_no_database_is_told(file, tmp_path):
 
 
 def started(file, folder, place):
-    offered = (
-        ""
-        if place is None
-        else f"from companion.research.campaign import run_places as r; r.offer('plans', '{place}'); "
-    )
+    offered = "" if place is None else f"from companion import run_places as r; r.offer('plans', '{place}'); "
     program = f"{offered}from companion.cli import main; main()"
     options = ["--out", str(folder), "--jobs", "2", "--resume"]
     return subprocess.Popen(
@@ -186,7 +182,7 @@ def ended_by_a_full_disk(file, folder, size):
     program = (
         f"import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
-        f"from companion.research.campaign import run_places as r; r.offer('plans', '{HERE}:Quick'); "
+        f"from companion import run_places as r; r.offer('plans', '{HERE}:Quick'); "
         f"from companion.cli import main; main()"
     )
     return subprocess.run(

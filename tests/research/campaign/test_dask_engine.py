@@ -11,8 +11,8 @@ import threading
 import pytest
 from rich.console import Console
 
+from companion import run_places
 from companion.errors import CompanionError
-from companion.research.campaign import run_places
 from companion.research.campaign.campaign_progress import run_campaign
 from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.campaign.run_store import RunStore

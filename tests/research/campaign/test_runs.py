@@ -9,14 +9,9 @@ from rich.console import Console
 
 from companion.config import mission_from_text
 from companion.config.mission_summary import mission_summary, summary_table
+from companion.config.offline_problem import offline_problem, offline_world
 from companion.errors import ConfigError
-from companion.research.campaign.runs import (
-    offline_problem,
-    offline_world,
-    plan_runs,
-    result_of,
-    results_table,
-)
+from companion.research.campaign.runs import plan_runs, result_of, results_table
 from companion.types.plan import Measures, Plan, PlanStatus
 from tests.mission.made import path_along
 from tests.support.sitl_harness import FIRST_FLIGHT

@@ -6,8 +6,8 @@ import json
 import pytest
 from rich.console import Console
 
+from companion import run_places
 from companion.errors import ConfigError
-from companion.research.campaign import run_places
 from companion.research.campaign.campaign_spec import load_campaign
 from companion.research.campaign.run_store import RunStore
 from companion.research.evidence.document.kept_rows import stored_evidence, stored_text

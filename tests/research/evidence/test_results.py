@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 import pytest
 from rich.console import Console
 
-from companion.research.campaign import run_places
+from companion import run_places
 from companion.research.campaign.run_store import DATABASE
 from companion.research.evidence.evidence_commands import campaign_from_file, results_in
 from tests.sim.client import CONFIGS
