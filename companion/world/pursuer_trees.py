@@ -128,7 +128,7 @@ def observe(
 
 
 def grown_trees(trees: Pursuers, tracks: Sequence[TrackState]) -> tuple[ThreatTree, ...]:
-    """Return copies of the trees that a plan has grown, for the next plan.
+    """Return copies of the trees that a plan has grown, for the next plan: those of pursuers.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def grown_trees(trees: Pursuers, tracks: Sequence[TrackState]) -> tuple[ThreatTr
     tracks : sequence of TrackState
         The tracks that the trees were made for, in the same order.
     """
-    return tuple(_grown_tree(trees, d, track) for d, track in enumerate(tracks))
+    return tuple(_grown_tree(trees, d, track) for d, track in enumerate(tracks) if not track.flies_on)
 
 
 def _grown_tree(trees: Pursuers, d: int, track: TrackState) -> ThreatTree:
