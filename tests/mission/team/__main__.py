@@ -1,4 +1,4 @@
-"""``python -m tests.mission.team``: teams of which one member is gone, or over random and shipped maps."""
+"""``python -m tests.mission.team``: teams of which one member is gone, over maps; what others cost a plan."""
 
 import argparse
 import dataclasses
@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 from companion.types.events import Dialect
-from tests.mission.team import map_flights
+from tests.mission.team import map_flights, planning_cost
 from tests.mission.team.shared_goal_flights import flown
 
 
@@ -42,12 +42,16 @@ def map_words(outcomes):
 def main():
     """Fly them, and end with 1 if one goes wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="?", default="gone", choices=("gone", "maps"))
+    parser.add_argument("what", nargs="?", default="gone", choices=("gone", "maps", "cost"))
     parser.add_argument("-n", type=int, default=50, help="flights")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1, help="flights at once")
     parser.add_argument("--px4", action="store_true", help="PX4 instead of ArduPlane, where one is gone")
     chosen = parser.parse_args()
+    if chosen.what == "cost":
+        for line in planning_cost.lines():
+            say(line)
+        return
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.n)
     dialect = Dialect.PX4 if chosen.px4 else Dialect.ARDUPILOT
     fly, words = (partial(flown, dialect=dialect), gone_words)
