@@ -66,7 +66,8 @@ def can_wait(state: FlightState, ownship: Ownship, current: MissionCurrent | Non
         The mission item being flown.
     """
     tracks = mode_tracks(state, ownship, current, WAITS_S)
-    return any(is_clear(state, track) for track in tracks.positions_enu_m)
+    clear = [is_clear(state, track) for track in tracks.positions_enu_m]
+    return any(clear) if tracks.is_steered else all(clear)
 
 
 def circled(rows: FloatArray) -> tuple[FloatArray, float]:
