@@ -32,7 +32,7 @@ FASTER_FROM = 2.0
 GAP_M = (
     25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
 )
-FINISHING_S = 1.0  # The last turn to the goal's centre may cost so much more than straight flight.
+FINISHING_S = 5.0  # Leading a path to the goal's centre may cost so much more than straight flight to there.
 
 
 class Patience(NamedTuple):
