@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -316,11 +316,17 @@ def visits_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> bool:
     return len(rows_at_goals(states, goals[:-1])) == len(goals) - 1
 
 
-def finishing_routes(exploration: Exploration, route: Route, goal: FloatArray) -> Iterator[Route]:
-    """Yield routes that lead to the goal's centre instead of ending inside the goal region.
+def finished_route(
+    exploration: Exploration,
+    route: Route,
+    goal: FloatArray,
+    is_wanted: Callable[[Route], bool] = lambda _: True,
+) -> Route:
+    """Lead a route that ends inside the goal region to the goal's centre.
 
-    Dubins edges to the goal replace the end, from a few rows before it, with arrival courses at and near the
-    bearing. Those that are flyable and clear are yielded, the shortest edges first.
+    Dubins edges to the goal are tried from a few rows before the end, with arrival courses at and near the
+    bearing. The first that is wanted, flyable and clear, and that pursuers do not threaten for longer,
+    replaces the end. If there is none, the route is not changed: it ends inside the region.
 
     Parameters
     ----------
@@ -330,7 +336,10 @@ def finishing_routes(exploration: Exploration, route: Route, goal: FloatArray) -
         Ends inside the goal region.
     goal : ndarray, shape (3,)
         Centre of the goal region [m].
+    is_wanted : callable, optional
+        Whether a route that leads to the centre may replace it.
     """
+    risk_s = pursuit_risk(exploration, route).total_s
     limits, obstacles = exploration.limits, exploration.problem.snapshot.obstacles
     for back in BACK_STEPS:
         i = len(route) - 1 - back
@@ -348,4 +357,7 @@ def finishing_routes(exploration: Exploration, route: Route, goal: FloatArray) -
             if status != JOINED or rows.times[n - 1] > route.times[-1] + 4.0 * limits.tau:
                 continue
             if is_flyable(rows, n, i + 1, limits) and is_clear(rows, i + 1, n, obstacles, limits):
-                yield Route.of(rows, n)
+                found = Route.of(rows, n)
+                if is_wanted(found) and pursuit_risk(exploration, found).total_s <= risk_s:
+                    return found
+    return route

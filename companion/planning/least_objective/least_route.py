@@ -23,7 +23,7 @@ from companion.planning.least_objective.cost_field import (
 from companion.planning.least_objective.prices import danger_along, objective_between, objective_of
 from companion.planning.least_objective.short_cuts import shortened_route
 from companion.planning.least_objective.tree_growth import GrowthRules, ObjectiveTree
-from companion.planning.route import Route, finishing_routes, pursuit_risk, route_from_tree
+from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
 
 # A higher airspeed is tried if other aircraft make the path at cruise cost this many times as much. At a
@@ -306,19 +306,13 @@ class LeastRouteSearch:
         return cost_to_go_of(problem, wide).fine
 
     def _finished(self, objective: Objective, route: Route) -> Route:
-        """Lead a path to the goal's centre, unless that costs much more than straight flight on to there.
-
-        No pursuer may threaten it for longer then.
-        """
+        """Lead a path to the goal's centre, unless that costs much more than straight flight on to there."""
         centre = np.array(self._exploration.problem.goals[-1].position_enu_m)
         left_s = float(np.linalg.norm(centre - route.states[-1, :3])) / objective.limits.v_cruise
         enough_s = objective_between(objective, route) + left_s + FINISHING_S
-        risk_s = pursuit_risk(self._exploration, route).total_s
-        for found in finishing_routes(self._exploration, route, centre):
-            is_cheap = objective_between(objective, found) <= enough_s
-            if is_cheap and pursuit_risk(self._exploration, found).total_s <= risk_s:
-                return found
-        return route
+        return finished_route(
+            self._exploration, route, centre, lambda found: objective_between(objective, found) <= enough_s
+        )
 
     def _shortened(self, objective: Objective, route: Route) -> tuple[Route, int]:
         """Lead a path to the goal's centre and shorten it; return it with the number of short cuts."""

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.frames import FloatArray
 from companion.planning.comparators import Optimiser
 from companion.planning.explore import Exploration
 from companion.planning.least_objective.plan_measures import (
@@ -28,8 +27,7 @@ from companion.planning.route import (
     Route,
     assess_route,
     cost_between,
-    finishing_routes,
-    pursuit_risk,
+    finished_route,
     route_from_path,
 )
 from companion.types.path import Path
@@ -82,22 +80,6 @@ def plan_by_sub_tasks(
     if flown_route is None:
         return plan
     return with_flown(exploration, plan, flown_route, flown_known, cost_between(exploration, flown_route))
-
-
-def finished_route(exploration: Exploration, route: Route, goal: FloatArray) -> Route:
-    """Lead a route to the goal's centre, unless pursuers threaten it for longer then.
-
-    Parameters
-    ----------
-    exploration : Exploration
-        The search that found the route.
-    route : Route
-        Ends inside the goal region.
-    goal : ndarray, shape (3,)
-        Centre of the goal region [m].
-    """
-    risk_s, routes = pursuit_risk(exploration, route).total_s, finishing_routes(exploration, route, goal)
-    return next((found for found in routes if pursuit_risk(exploration, found).total_s <= risk_s), route)
 
 
 def _finished(

@@ -14,9 +14,8 @@ from companion.kernels.search.growth import next_stage
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
 from companion.planning.printed.optimise import _with_last_edge, branches_below, free_node, rrt_star_route
-from companion.planning.printed.printed_plan import finished_route
 from companion.planning.printed.sub_tasks import SubTasks
-from companion.planning.route import assess_route, path_from_route, route_from_tree
+from companion.planning.route import assess_route, finished_route, path_from_route, route_from_tree
 from companion.types.threat import Radar
 from tests.planning.test_solver import checker_for
 from tests.support.paths import box
