@@ -2,10 +2,12 @@
 
 With RTL_AUTOLAND 4 a return to launch joins the closest leg behind any DO_RETURN_PATH_START: the autopilot
 flies directly to the item at which that leg ends, and on from there. With RTL_AUTOLAND 2, which versions
-before 4.6.2 have, too, it flies to the closest DO_LAND_START, and on from there. The list therefore has two
-return banks behind the banks of missions. One holds the return path; the other is written, and only then
-takes its place. A bank is armed if its first item is such a start. Otherwise the first item commands an
-airspeed and nothing joins the bank, whatever else is in it.
+before 4.6.2 have, too, it flies to the item behind the closest DO_LAND_START, and on from there. Several of
+these, each with a place of its own, let it join the ends of legs there as well (:func:`start_places`).
+
+The list has two return banks behind the banks of missions. One holds the return path; the other is written,
+and only then takes its place. A bank that holds a start is armed. While it is not, items that command an
+airspeed stand in its starts' places, and nothing joins it.
 
 A bank's last item is a jump: to the operator's landing, or to a tag that no item has. ArduPlane's search ends
 at such a jump. It would otherwise take the way from the end of one bank to the next for a leg. (ArduPlane
@@ -49,26 +51,90 @@ NOWHERE = _command(Command.DO_JUMP_TAG, UNUSED_TAG, FOR_EVER)  # A jump at which
 
 
 def return_bank(
-    waypoints: Sequence[MissionItem], end: MissionItem | None, landing: int | None, *, speed: MissionItem
+    waypoints: Sequence[MissionItem],
+    starts: Sequence[tuple[int, MissionItem]],
+    end: MissionItem | None,
+    landing: int | None,
 ) -> tuple[MissionItem, ...]:
-    """Return a bank that is not armed yet.
+    """Return a bank that is armed.
 
     Parameters
     ----------
     waypoints : sequence of MissionItem
         Waypoints of the return path, at most :data:`RETURN_WAYPOINTS_MAX`.
+    starts : sequence of (int, MissionItem)
+        The number of a waypoint, from 0, and a start before it, in their order. Those for which the bank has
+        no room are left out, the last ones first.
     end : MissionItem or None
         The circle at its end; None if it ends at the operator's landing.
     landing : int or None
         Sequence of the operator's first item of the landing.
-    speed : MissionItem
-        The item that commands the airspeed, in the place of the start.
     """
     is_circle = landing is None or end is not None
     last = NOWHERE if is_circle else _command(Command.DO_JUMP, float(landing or 0), FOR_EVER)
     filling = last if end is None else end
-    items = (speed, *waypoints, *((end,) if end is not None else ()))
-    return items + (filling,) * (RETURN_ITEMS - 1 - len(items)) + (last,)
+    items: list[MissionItem] = []
+    fitting = starts[: RETURN_WAYPOINTS_MAX + 1 - len(waypoints)]
+    for number, waypoint in enumerate(waypoints):
+        items += [start for before, start in fitting if before == number]
+        items.append(waypoint)
+    items += [filling] * (RETURN_ITEMS - 1 - len(items))
+    return (*items, last)
+
+
+def path_start() -> MissionItem:
+    """Return the start of a return path of which any leg is joined."""
+    return _command(Command.DO_RETURN_PATH_START)
+
+
+def landing_start(place: MissionItem) -> MissionItem:
+    """Return a start that has the place of a waypoint, by which ArduPlane chooses the closest one."""
+    return replace(place, command=Command.DO_LAND_START, parameters=(0.0, 0.0, 0.0, 0.0))
+
+
+def start_places(corners_enu_m: FloatArray, num_flown: int) -> list[tuple[int, FloatArray]]:
+    """Return places of starts from which a return flies to the end of the leg that the aircraft is on.
+
+    They lie equally far before and behind each corner, at most half a leg, so that the closest of them
+    belongs to the leg on which the aircraft is. Only legs that are flown anyway have them, and the leg behind
+    those.
+
+    Parameters
+    ----------
+    corners_enu_m : ndarray, shape (N + 1, 3)
+        The place where the return path leaves the flown path's begin, and its waypoints [m].
+    num_flown : int
+        Number of the first legs, which the aircraft flies anyway.
+
+    Returns
+    -------
+    list of (int, ndarray of shape (3,))
+        The number of the waypoint that is flown to, from 0, and the place of a start [m], in their order.
+    """
+    along = np.diff(corners_enu_m, axis=0)
+    lengths = np.linalg.norm(along, axis=1)
+    # Distance of starts from the corner at the beginning of each leg; the path's begin and end have none.
+    away = [0.0, *(0.5 * np.minimum(lengths[1:], lengths[:-1])), 0.0]
+    found = []
+    for leg, begin in enumerate(corners_enu_m[: min(num_flown + 1, len(along))]):
+        behind, before = away[leg], lengths[leg] - away[leg + 1]
+        is_last = leg == num_flown
+        metres = {behind} if leg and is_last else {behind, before} if leg else {before}
+        found += [(leg, begin + at / max(lengths[leg], 1e-9) * along[leg]) for at in sorted(metres)]
+    return found
+
+
+def disarmed(bank: Sequence[MissionItem], speed: MissionItem) -> tuple[MissionItem, ...]:
+    """Return a bank that nothing joins.
+
+    Parameters
+    ----------
+    bank : sequence of MissionItem
+        A bank.
+    speed : MissionItem
+        The item that commands the airspeed, in the places of the starts.
+    """
+    return tuple(replace(speed, sequence=item.sequence) if item.command in STARTS else item for item in bank)
 
 
 def blank_bank(speed: MissionItem) -> tuple[MissionItem, ...]:
@@ -76,25 +142,9 @@ def blank_bank(speed: MissionItem) -> tuple[MissionItem, ...]:
     return (speed,) * (RETURN_ITEMS - 1) + (NOWHERE,)
 
 
-def armed(bank: Sequence[MissionItem], start: Command) -> tuple[MissionItem, ...]:
-    """Return a bank that a return joins.
-
-    Parameters
-    ----------
-    bank : sequence of MissionItem
-        A bank that is not armed.
-    start : Command
-        The command that the autopilot looks for. DO_LAND_START gets the place of the first waypoint, by which
-        ArduPlane chooses the closest one.
-    """
-    if start is Command.DO_RETURN_PATH_START:
-        return (_command(start), *bank[1:])
-    return (replace(bank[1], command=start, parameters=(0.0, 0.0, 0.0, 0.0)), *bank[1:])
-
-
 def is_armed(bank: Sequence[MissionItem]) -> bool:
     """Return whether a return joins a bank."""
-    return bool(bank) and bank[0].command in STARTS
+    return any(item.command in STARTS for item in bank)
 
 
 def num_return_items(items: Sequence[MissionItem]) -> int:
@@ -168,19 +218,39 @@ def joined_items(
     """
     best = np.zeros(len(places_enu_m), dtype=np.int64)
     nearest = np.full(len(places_enu_m), math.inf)
+    # Of equally near landings the autopilot takes the first, of return paths the last.
+    is_landing = start is Command.DO_LAND_START
+    legs_of, is_nearer = (_first_from, np.less) if is_landing else (_legs_from, np.less_equal)
     for item in items[1:]:
         if item.command != start:
             continue
-        legs = list(_legs_from(items, item.sequence, frame, home_amsl_m, places_enu_m))
-        if start is Command.DO_LAND_START:
-            legs = legs[:1]  # The first waypoint, which the autopilot flies to.
+        legs = list(legs_of(items, item.sequence, frame, home_amsl_m, places_enu_m))
         if not legs:
             continue
         ends, away = np.array([end for end, _ in legs]), np.array([distances for _, distances in legs])
-        is_nearer = away.min(axis=0) <= nearest  # The last of equally near paths is joined.
-        best = np.where(is_nearer, ends[away.argmin(axis=0)], best)
+        is_chosen = is_nearer(away.min(axis=0), nearest)
+        best = np.where(is_chosen, ends[away.argmin(axis=0)], best)
         nearest = np.minimum(nearest, away.min(axis=0))
     return best
+
+
+def _first_from(
+    items: Sequence[MissionItem],
+    start: int,
+    frame: LocalFrame,
+    home_amsl_m: float | None,
+    places: FloatArray,
+) -> Iterator[tuple[int, FloatArray]]:
+    """Yield the waypoint behind a start, and the distances (K,) of the start from ``places`` (K, 3) [m].
+
+    A start without a place is where that waypoint is.
+    """
+    for item in followed(items, start):
+        position = position_of(item, frame, home_amsl_m)
+        if position is not None:
+            own = position_of(replace(items[start], command=Command.NAV_WAYPOINT), frame, home_amsl_m)
+            yield item.sequence, np.linalg.norm(places - np.array(own or position), axis=1)
+            return
 
 
 def _legs_from(

@@ -367,7 +367,7 @@ def mission_part(
         speed_item(replace(waypoints, airspeed_m_s=cruise_m_s or waypoints.airspeed_m_s), frame),
         loiter_item(waypoints, frame),
         waypoints.continues_with_operator_items,
-        tuple(_item(Command.NAV_WAYPOINT, position, frame) for position in way_on),
+        tuple(placed_item(Command.NAV_WAYPOINT, position, frame) for position in way_on),
     )
 
 
@@ -376,7 +376,7 @@ def path_items(waypoints: Waypoints, frame: LocalFrame) -> tuple[MissionItem, ..
     actions = dict(waypoints.actions)
     items = []
     for n, position in enumerate(waypoints.positions_enu_m):
-        items.append(_item(Command.NAV_WAYPOINT, position, frame, waypoints.ground))
+        items.append(placed_item(Command.NAV_WAYPOINT, position, frame, waypoints.ground))
         if waypoints.continues_with_operator_items and n == len(waypoints.positions_enu_m) - 1:
             items[-1] = replace(items[-1], parameters=(0.0, GOAL_ACCEPTANCE_M, 0.0, None))
         if n in (0, waypoints.airspeed_again):
@@ -396,7 +396,7 @@ def speed_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
 def loiter_item(waypoints: Waypoints, frame: LocalFrame) -> MissionItem:
     """Return the item of the circle at the end, which is level."""
     centre, radius_m = waypoints.circle
-    last = _item(Command.NAV_LOITER_UNLIM, centre, frame)
+    last = placed_item(Command.NAV_LOITER_UNLIM, centre, frame)
     return replace(last, parameters=(0.0, 0.0, radius_m, None))
 
 
@@ -428,10 +428,22 @@ def density_ratio(altitude_amsl_m: float) -> float:
     return float((1.0 - 2.25577e-5 * altitude_amsl_m) ** 4.25588)
 
 
-def _item(
+def placed_item(
     command: Command, position_enu_m: FloatArray, frame: LocalFrame, ground: AutopilotGround | None = None
 ) -> MissionItem:
-    """Return a command at ``position_enu_m`` (3,) [m] as a mission item, over a ground if one is given."""
+    """Return a command at a place as a mission item.
+
+    Parameters
+    ----------
+    command : Command
+        A command with a place.
+    position_enu_m : ndarray, shape (3,)
+        The place [m].
+    frame : LocalFrame
+        The frame of its coordinates.
+    ground : AutopilotGround, optional
+        The ground over which its height counts; above mean sea level if omitted.
+    """
     latitude, longitude, altitude = frame.global_from_local(*(float(value) for value in position_enu_m))
     if ground is not None:
         altitude = float(position_enu_m[2] - ground.up_m(position_enu_m[None])[0])

@@ -127,12 +127,13 @@ def set_fences(harness, circles):
         put(harness, MissionKind.FENCE, items)
 
 
-def fly(seed, *, is_with_path=True, autoland=4):
-    """Fly one seed with this RTL_AUTOLAND if it is an ArduPlane.
+def fly(seed, *, is_with_path=True, autoland=4, begun_s=None):
+    """Fly one seed with this RTL_AUTOLAND if it is an ArduPlane, and return at a chosen time if one is given.
 
     ``is_with_path`` false: the autopilot returns straight, as without the service.
     """
-    mission, name, dialect, begun_s, is_killed, circles = scenario(seed)
+    mission, name, dialect, drawn_s, is_killed, circles = scenario(seed)
+    begun_s = begun_s or drawn_s
     harness = SitlHarness(mission, seed=seed, dialect=dialect)
     parameter, value = (BY_PATH if is_with_path else STRAIGHT)[dialect]
     is_chosen = is_with_path and dialect is Dialect.ARDUPILOT

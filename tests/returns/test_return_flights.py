@@ -30,6 +30,16 @@ def test_a_landing_sequence_is_joined_at_its_start_with_the_service_killed():
     assert not is_bad(flight)
 
 
+@pytest.mark.thorough
+def test_from_a_leg_between_two_walls_a_landing_sequence_is_joined_ahead():
+    """With one start, at the end of the way out, the aircraft turned back to it 14 m from a wall."""
+    flight = fly(2, autoland=2, begun_s=64.0)
+    assert flight.is_killed
+    assert flight.has_path
+    assert not is_bad(flight)
+    assert flight.clearance_m > 30.0
+
+
 @pytest.mark.slow
 def test_a_return_is_judged_at_the_cruise_to_which_the_autopilot_accelerates():
     """The mission flew 4 % slower than the autopilot's cruise, and the turn at the path's start is wider."""

@@ -25,12 +25,20 @@ from companion.flight.prediction.return_path import (
 )
 from companion.flight.state.flight_state import FlightState, bound_for
 from companion.frames import FloatArray
-from companion.mission.return_bank import RETURN_WAYPOINTS_MAX, armed, joined_items, return_bank
-from companion.mission.waypoints import loiter_item, path_items, speed_item
+from companion.mission.return_bank import (
+    RETURN_WAYPOINTS_MAX,
+    joined_items,
+    landing_start,
+    path_start,
+    return_bank,
+    start_places,
+)
+from companion.mission.waypoints import loiter_item, path_items, placed_item, speed_item
 from companion.planning.problem import GoalRegion
 from companion.types.mission import Command, MissionItem
 from companion.types.path import Path
 from companion.types.state import Ownship
+from companion.world.ground.autopilot_ground import AutopilotGround
 
 # A return is simulated from each place of the flown path from which it joins another leg than from the place
 # before, and at least this often along the path.
@@ -46,9 +54,9 @@ class ReturnMission:
     Parameters
     ----------
     bank : tuple of MissionItem
-        The return bank, not armed.
-    start : Command
-        The command with which it is armed.
+        The return bank, armed.
+    speed : MissionItem
+        The item that commands the airspeed, in the places of the starts while the bank is not armed.
     path : Path
         The planned path.
     covered_s : float
@@ -56,13 +64,13 @@ class ReturnMission:
     """
 
     bank: tuple[MissionItem, ...]
-    start: Command
+    speed: MissionItem
     path: Path
     covered_s: float
 
 
 def return_mission(
-    state: FlightState, ownship: Ownship, path: Path, place: GoalRegion, *, is_landing: bool
+    state: FlightState, ownship: Ownship, path: Path, flown_m: float, place: GoalRegion, *, is_landing: bool
 ) -> ReturnMission | None:
     """Return a path to a place as a return path; None if no mission carries it.
 
@@ -74,6 +82,8 @@ def return_mission(
         The aircraft now.
     path : Path
         A path to the place.
+    flown_m : float
+        For this distance it is the flown path [m].
     place : GoalRegion
         Where the return path ends.
     is_landing : bool
@@ -83,16 +93,33 @@ def return_mission(
     found = construct(bound_for(state, place), path, RETURN_WAYPOINTS_MAX, is_whole=True)
     if start is None or found.violations or found.covered_until_s < float(path.times_s[-1]):
         return None
-    frame = state.mission.frame
-    items = tuple(item for item in path_items(found.waypoints, frame) if item.command == Command.NAV_WAYPOINT)
+    frame, waypoints = state.mission.frame, found.waypoints
+    items = tuple(item for item in path_items(waypoints, frame) if item.command == Command.NAV_WAYPOINT)
     operator, landing = state.mission_list.operator, None
     if is_landing and operator is not None and state.tail_enu_m is not None:
         landing = operator.tail
-        if math.dist(found.waypoints.positions_enu_m[-1][:2], state.tail_enu_m[:2]) < LANDING_NEAR_M:
+        if math.dist(waypoints.positions_enu_m[-1][:2], state.tail_enu_m[:2]) < LANDING_NEAR_M:
             items = items[: max(len(items) - 1, 1)]
-    end = None if landing is not None else loiter_item(found.waypoints, frame)
-    bank = return_bank(items, end, landing, speed=speed_item(found.waypoints, frame))
-    return ReturnMission(bank, start, path, covered_s(state, ownship, with_bank(state, bank)))
+    end = None if landing is not None else loiter_item(waypoints, frame)
+    starts = [(0, path_start())]
+    if start is Command.DO_LAND_START:
+        corners = np.vstack([path.positions_enu_m[0], waypoints.positions_enu_m[: len(items)]])
+        num_flown = int(np.searchsorted(waypoints.distances_m, flown_m))
+        starts = _landing_starts(state, corners, num_flown, waypoints.ground)
+    bank = return_bank(items, starts, end, landing)
+    covers_s = covered_s(state, ownship, with_bank(state, bank))
+    return ReturnMission(bank, speed_item(waypoints, frame), path, covers_s)
+
+
+def _landing_starts(
+    state: FlightState, corners_enu_m: FloatArray, num_flown: int, ground: AutopilotGround | None
+) -> list[tuple[int, MissionItem]]:
+    """Return starts of a return path as items; ``corners_enu_m`` (N + 1, 3) are its begin and waypoints."""
+    items = (
+        (number, placed_item(Command.NAV_WAYPOINT, place, state.mission.frame, ground))
+        for number, place in start_places(corners_enu_m, num_flown)
+    )
+    return [(number, landing_start(item)) for number, item in items]
 
 
 def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> float:
@@ -128,12 +155,11 @@ def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]
 
 
 def with_bank(state: FlightState, bank: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
-    """Return the list with a return bank, armed, in the place of those that it has."""
+    """Return the list with a return bank in the place of those that it has."""
     layout = state.mission_list.layout
     first = len(state.mission_list.stored) if layout is None else layout.return_span[0]
-    kept, start = state.mission_list.stored[:first], start_of_return(state)
-    added = bank if start is None else armed(bank, start)
-    return (*kept, *(replace(item, sequence=len(kept) + n) for n, item in enumerate(added)))
+    kept = state.mission_list.stored[:first]
+    return (*kept, *(replace(item, sequence=len(kept) + n) for n, item in enumerate(bank)))
 
 
 def _returns_clear(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]) -> bool:

@@ -30,12 +30,7 @@ def is_return_wanted(state: FlightState) -> bool:
     if operator is None or not isinstance(listed.layout, TwoBankLayout) or state.flown is None:
         return False
     # Of landings the autopilot flies to the closest, whoever's it is.
-    return is_joined_at_its_start(state) or all(item.command != start for item in operator.items)
-
-
-def is_joined_at_its_start(state: FlightState) -> bool:
-    """Return whether a return path is joined at its start, and not on its closest leg."""
-    return start_of_return(state) is Command.DO_LAND_START
+    return start is Command.DO_LAND_START or all(item.command != start for item in operator.items)
 
 
 def return_places(

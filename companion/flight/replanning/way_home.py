@@ -22,11 +22,7 @@ from companion.flight.monitors.energy_watch import EnergyWatch
 from companion.flight.prediction.energy_ahead import affords
 from companion.flight.prediction.outward_path import outward_path
 from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission, with_bank
-from companion.flight.prediction.return_places import (
-    is_joined_at_its_start,
-    is_return_wanted,
-    return_places,
-)
+from companion.flight.prediction.return_places import is_return_wanted, return_places
 from companion.flight.replanning.plan_maker import return_request
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
@@ -156,7 +152,7 @@ class WayHome:
 
     async def _store(self, found: ReturnMission) -> None:
         """Store a return path, and record how that ended."""
-        failure = await self._exchange.store(found.bank, found.start)
+        failure = await self._exchange.store(found.bank, found.speed)
         self._num_failures = 0 if not failure else self._num_failures + (failure != STOPPED)
         if failure:
             self._parts.announcer.decide(DecisionKind.RETURN, f"not stored: {failure}")
@@ -179,8 +175,7 @@ def _concluded(
     """Return a plan, behind a part of the flown path, as a return path; None if it does not reach its end."""
     if plan.path is None or not plan.reaches_goal:
         return None
-    path = plan.path
-    if not is_joined_at_its_start(state):
-        away = np.linalg.norm(flown.positions_enu_m - path.positions_enu_m[0], axis=1)
-        path = flown.until(int(np.argmin(away))).followed_by(path)
-    return return_mission(state, ownship, path, place, is_landing=is_landing)
+    away = np.linalg.norm(flown.positions_enu_m - plan.path.positions_enu_m[0], axis=1)
+    out = flown.until(int(np.argmin(away)))
+    path = out.followed_by(plan.path)
+    return return_mission(state, ownship, path, float(out.travelled_m[-1]), place, is_landing=is_landing)

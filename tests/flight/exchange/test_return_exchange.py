@@ -17,11 +17,21 @@ from companion.mission.list_layout import TwoBankLayout
 from companion.mission.operator import Operator
 from companion.mission.return_bank import RETURN_ITEMS, followed, is_armed, joined_item
 from companion.types.mission import Command
-from tests.mission.test_return_bank import FRAME, WAY, at, bank_of, circle, numbered
+from tests.mission.test_return_bank import (
+    FRAME,
+    SPEED,
+    WAY,
+    at,
+    bank_of,
+    circle,
+    landings_bank_of,
+    numbered,
+)
 from tests.sim.client import CONFIGS
 
 HERE = (300.0, 1100.0, 100.0)
 OLD, NEW = bank_of(at(0.0, 1000.0), at(1000.0, 1000.0)), bank_of(at(0.0, 1100.0), at(2000.0, 1100.0))
+THIRD = bank_of(at(0.0, 1200.0), at(2000.0, 1200.0), at(2000.0, 0.0))
 FLOWN = (*WAY, *(circle(900.0, 100.0),) * 17)
 MISSION = load_mission(CONFIGS / "first-flight.yaml")
 
@@ -68,8 +78,8 @@ def made(dies_after=10_000):
     return ReturnExchange(SwapParts(flight, link, None, ManualClock(), NobodyAsked())), link, flight
 
 
-def store(exchange, bank, start=Command.DO_RETURN_PATH_START):
-    return asyncio.run(exchange.store(bank, start))
+def store(exchange, bank):
+    return asyncio.run(exchange.store(bank, SPEED))
 
 
 def joined(link, start=Command.DO_RETURN_PATH_START):
@@ -109,14 +119,60 @@ def test_the_second_takes_its_place_and_the_missions_stay():
     assert flight.listed.stored == tuple(link.items)
 
 
-def test_where_landings_are_looked_for_the_path_begins_with_one():
+LANDINGS = [
+    landings_bank_of(at(0.0, north), at(1000.0, north), at(1000.0, 0.0)) for north in (1000.0, 1100.0)
+]
+
+
+def test_where_landings_are_looked_for_each_leg_has_one_and_the_other_bank_has_none():
     exchange, link, _ = made()
-    for bank in (OLD, NEW):
-        assert store(exchange, bank, Command.DO_LAND_START) == ""
-    assert joined(link) is None
-    whole = [(item.latitude_e7, item.longitude_e7) for item in NEW if item.command < 100]
-    assert joined(link, Command.DO_LAND_START) == whole
-    assert sum(item.command == Command.DO_LAND_START for item in link.items) == 1
+    for bank in LANDINGS:
+        assert store(exchange, bank) == ""
+        assert joined(link) is None
+        places = [(item.latitude_e7, item.longitude_e7) for item in bank if item.command < 100]
+        assert joined(link, Command.DO_LAND_START) == places[1:]
+        assert [item.command for item in link.items if item.command == Command.DO_LAND_START] == [189] * 4
+
+
+@pytest.mark.parametrize("died_after", range(140))
+def test_wherever_it_ends_each_landing_start_leads_to_a_whole_path(died_after):
+    exchange, link, _ = made(num_written(LANDINGS[:1]) + died_after)
+    assert store(exchange, LANDINGS[0]) == ""
+    store(exchange, LANDINGS[1])
+    ends = [
+        [(item.latitude_e7, item.longitude_e7) for item in bank if item.command < 100] for bank in LANDINGS
+    ]
+    starts = [item.sequence for item in link.items if item.command == Command.DO_LAND_START]
+    for start in starts:
+        way = [(i.latitude_e7, i.longitude_e7) for i in followed(link.items, start) if i.command < 100]
+        assert any(way == whole[-len(way) :] for whole in ends)
+    assert starts
+
+
+def test_a_write_that_fails_after_it_was_carried_out_is_not_relied_on():
+    """The acknowledgement of the parts that arm a bank is lost: the next exchange disarms it all the same."""
+    exchange, link, _ = made()
+    store(exchange, OLD)
+    write = link.write
+
+    async def lost(items):
+        await write(items)
+        if is_armed(items):
+            raise TransferError("write", "no acknowledgement")
+
+    link.write = lost
+    assert "no acknowledgement" in store(exchange, NEW)
+    link.write, at_once = write, []
+
+    async def watched(items):
+        await write(items)
+        banks = link.items[42:], link.items[42 + RETURN_ITEMS :]
+        at_once.append([way_of(bank[:RETURN_ITEMS]) for bank in banks if is_armed(bank[:RETURN_ITEMS])])
+
+    link.write = watched
+    assert store(exchange, THIRD) == ""
+    assert joined(link) == way_of(THIRD)
+    assert all(way in (way_of(OLD), way_of(NEW), way_of(THIRD)) for ways in at_once for way in ways)
 
 
 def num_written(banks):
@@ -165,7 +221,7 @@ def test_told_to_stop_it_ends_between_two_parts():
 
     link.write = counted
     assert store(exchange, NEW) == STOPPED
-    assert parts == [4, 4, 4]
+    assert parts == [3, 4, 4]  # the airspeed at the front is there already
     assert joined(link) == way_of(OLD)
     assert sum(map(is_armed, (link.items[42:], link.items[42 + RETURN_ITEMS :]))) == 1
 
