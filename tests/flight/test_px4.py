@@ -91,6 +91,27 @@ def test_the_pilot_wins_in_the_middle_of_an_upload_and_the_old_mission_stays(num
     assert harness.simulator.autopilot.mission_items == kept[0]
 
 
+def test_a_mission_that_is_accepted_as_the_pilot_takes_over_is_known_afterwards():
+    """The heartbeat of the other mode comes before the MISSION_CURRENT that confirms the upload."""
+    before, is_switched = [], []
+
+    def take_over(harness):
+        autopilot = harness.simulator.autopilot
+        before.append(autopilot.mission_items)
+        if not is_switched and len(before) > 1 and before[-1] != before[-2] and harness.app.num_swaps == 1:
+            is_switched.append(harness.now_s)
+            harness.simulator.set_mode("RTL")
+
+    harness = flown(40.0, take_over)
+    assert is_switched
+    assert harness.app.mode is Mode.SUSPENDED
+    assert "withdrawn: the mode was changed" in harness.texts("rejected")
+    assert harness.texts("swap")[-1].endswith("though unanswered")
+    listed, autopilot = harness.app.state.mission_list, harness.simulator.autopilot
+    assert mission_id(listed.stored) == autopilot.stored_list(MissionKind.MISSION).identity
+    assert harness.changes(after_s=is_switched[0] + 0.05) == []
+
+
 def test_it_resumes_when_the_pilot_gives_back():
     harness = flown(40.0, both(switch(10.0, "LOITER"), switch(15.0, "MISSION")))
     assert harness.app.mode is Mode.ACTIVE

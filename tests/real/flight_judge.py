@@ -23,10 +23,10 @@ from companion.types.state import Ownship
 from companion.types.threat import Obstacle
 from companion.world.vehicle.guidance import default_guidance, track_of_legs
 from tests.real.held_missions import HeldMission, messages_of
-from tests.real.return_legs import farthest_beside_legs
 from tests.real.rig.autopilots import KINDS, is_mission_mode
 from tests.real.rig.deck import is_standing
 from tests.real.rig.service_process import entries_of
+from tests.real.said_return import farthest_from, said_return
 from tests.real.scenarios import BY_NUMBER
 
 BEYOND_M = 30.0  # of the bounds, which are planned to and not walls: a turn may pass them by so much
@@ -74,7 +74,6 @@ class FlightJudge:
         self.held = HeldMission(in_place=self.kind.num_home_items > 0)
         self._late_changes = 0
         self._returns_by_path = False
-        self._currents = []
 
     # --- what is read off
 
@@ -187,8 +186,6 @@ class FlightJudge:
                     self.held.hear(stamp_s, message)
                 is_flown = self._follow(stamp_s, message, is_flown)
                 self._returns_by_path |= is_flown and stamp_s > return_s + JOINED_S
-                if stamp_s > return_s and message.get_type() == "MISSION_CURRENT":
-                    self._note_current(stamp_s, message.seq)
             is_known = None not in (self._here, self._target, self._current)
             if is_flown and is_known and max(begin_s, next_s) <= stamp_s < other_s:
                 next_s = stamp_s + JUDGED_EACH_S
@@ -361,25 +358,19 @@ class FlightJudge:
             "circling": self.event("circling") is not None,
             "texts": len(texts), "texts_per_min": 60.0 * len(aloft) / air_s, "flight_s": air_s,
             "judged": self.num_judged, "violations": len(self.violations),
-            "beside_legs_m": self._beside_legs(),
+            "beside_said_m": self._beside_said(),
             "first_violations": self._told_violations(armed_s), "late_changes": self._late_changes,
         }  # fmt: skip
         row["faults"] = self._faults(row)
         row["verdict"] = "ok" if not row["faults"] else "; ".join(row["faults"])
         return row
 
-    def _note_current(self, stamp_s, item):
-        """Note from when on an item is flown to."""
-        if not self._currents or self._currents[-1][1] != item:
-            self._currents.append((stamp_s, item))
-
-    def _beside_legs(self):
-        """How far the aircraft was beside the legs by which it returned; None without a return."""
-        items = self.held.items
-        places = [self._place(item) for item in items]
-        commands = [0 if item is None else item.command for item in items]
-        flown = [(stamp_s, item) for stamp_s, item in self._currents if item < len(items)]
-        return farthest_beside_legs(self.path, flown, places, commands)
+    def _beside_said(self):
+        """How far a return was from the way that the service had said; None without one [m]."""
+        begun_s, said = self.event("return"), said_return(self.folder)
+        if begun_s is None or said is None:
+            return None
+        return farthest_from(said, self.path[self.path[:, 0] >= begun_s, 1:3])
 
     def _texts(self, kind):
         return [entry["message"].split(": ", 1)[-1] for entry in self.decided(kind)]

@@ -134,7 +134,8 @@ class Handover:
             self._take(pending)
             text = f"entered at item {current.sequence}, though unanswered"
             state, now = self._flight.state, self._clock.now_s()
-            tell, turn, time = self._announcer.news.of(state, pending.flown.path, None, now)
+            news = self._announcer.news.of(state, pending.flown.path, None, now)
+            tell, turn, time = news if state.may_act else ("", "", "")
             self._announcer.decide(DecisionKind.SWAP, text, tell=tell, turn=turn, time=time)
             self._announcer.flown(pending.flown.path.positions_enu_m, "unanswered")
         return True

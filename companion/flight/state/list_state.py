@@ -229,7 +229,10 @@ class ListState:
         """Return whether a request without an answer has either taken effect by now, or never will."""
         if self.pending is None:
             return True
-        return current is not None and current.stamp_s > self.pending.asked_s + COMMAND_DELAY_MAX_S
+        if current is None:
+            return False
+        is_named = bool(current.mission_id) and current.mission_id == self.pending.identity
+        return is_named or current.stamp_s > self.pending.asked_s + COMMAND_DELAY_MAX_S
 
     def is_pending_flown(self, current: MissionCurrent) -> bool:
         """Return whether the autopilot reports that it flies the mission of a request without an answer."""

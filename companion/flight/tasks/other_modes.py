@@ -49,8 +49,8 @@ class OtherModes:
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._flight, self._world_model, self._clock = parts.flight, parts.world_model, parts.clock
-        self._announcer, self._reader = parts.announcer, parts.handover.reader
-        self._link = parts.handover.protocols.parts.link
+        self._announcer, self._handover = parts.announcer, parts.handover
+        self._reader, self._link = parts.handover.reader, parts.handover.protocols.parts.link
         self.return_watch = ReturnWatch(parts.flight, parts.world_model, self._link, parts.announcer)
         self.resume: ResumePath | None = None
         self.tracks: ModeTracks | None = None
@@ -62,6 +62,8 @@ class OtherModes:
 
     def look(self) -> None:
         """Predict and check what is flown next, and inform the pilot of changes; twice a second."""
+        if self._flight.state.mode is Mode.SUSPENDED and not self._flight.listed.is_exchanging:
+            self._handover.is_settled()  # A mission may have been entered just before somebody took over.
         state, now = self._flight.state, self._clock.now_s()
         ownship = self._world_model.ownship.state(now)
         self.return_watch.look(now)
