@@ -43,7 +43,7 @@ from companion.world.ground.autopilot_ground import AutopilotGround
 # A return is simulated from each place of the flown path from which it joins another leg than from the place
 # before, and at least this often along the path.
 PLACES_S = 3.0
-COVERED_MAX_S = 90.0  # The flown path is looked at this far ahead.
+COVERED_MAX_S = 20.0  # The flown path is looked at this far ahead.
 LANDING_NEAR_M = 60.0  # A waypoint this near to the operator's first item of the landing is left out.
 
 
@@ -137,7 +137,8 @@ def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]
     Returns
     -------
     float
-        0 if a return from here does not keep clear; infinite if each one up to the mission's end does.
+        0 if a return from here does not keep clear, at most :data:`COVERED_MAX_S`; infinite if each one up to
+        the mission's end does.
     """
     start = start_of_return(state)
     if start is None or not _returns_clear(state, ownship, items):
