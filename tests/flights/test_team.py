@@ -47,6 +47,26 @@ def test_without_messages_they_nearly_meet():
     assert team.summary()["nearest_m"] < 60.0
 
 
+@pytest.mark.thorough
+@BOTH
+def test_of_two_that_come_to_a_narrow_gap_from_both_sides_one_lets_the_other_pass(dialect):
+    """160 m between two walls, and no other way: less than two aircraft keep between them and the walls."""
+    walls = "obstacles:\n" + "".join(
+        f"  - {{name: {name}, base_m: 0, top_m: 300, polygon_enu_m: "
+        f"[[1980, {low}], [2020, {low}], [2020, {high}], [1980, {high}]]}}\n"
+        for name, low, high in (("south_wall", -1500, -80), ("north_wall", 80, 1500))
+    )
+    bounds = "east_m: [-600, 4600], north_m: [-1500, 1500]"
+    text = LONG.replace("east_m: [-6000, 6000], north_m: [-6000, 6000]", bounds) + walls
+    team = flown(mission_from_text(text, "gap.yaml"), 2, 0.2, dialect)
+    assert sorted(team.arrived_s) == [1, 2]
+    assert team.is_separate
+    assert team.hit_s == {}
+    tracks = [np.array(flight.simulator.truth.path) for flight in team.flights]
+    passed_s = [track[np.abs(track[:, 1] - 2000.0).argmin(), 0] for track in tracks]
+    assert abs(passed_s[0] - passed_s[1]) > 8.0
+
+
 @pytest.mark.slow
 @BOTH
 def test_four_pass_the_gaps_of_the_bug_trap(dialect):
