@@ -15,9 +15,10 @@ from companion.flight.state.modes import Mode
 from companion.flight.state.world_model import WorldModel
 from companion.frames import FloatArray
 from companion.link.missions.autopilot_link import AutopilotLink
+from companion.types.mission import MissionItem
 from companion.types.state import Ownship
 
-LOOK_S = 2.0  # Period of the judgement.
+LOOK_S = 2.0  # Period of the judgement; another list of items is judged at once.
 LASTS_S = 8.0  # Another result is announced after this time.
 NO_TRACK: FloatArray = np.empty((0, 3))
 WATCHED = frozenset({Mode.DEPARTING, Mode.ACTIVE})
@@ -51,6 +52,7 @@ class ReturnWatch:
         self._flight, self._world_model, self._link = flight, world_model, link
         self._announcer = announcer
         self._next_s = -math.inf
+        self._judged: tuple[MissionItem, ...] = ()
         self._since_s = -math.inf
         self._was_safe = self.is_safe = True
         self.track_enu_m: FloatArray = NO_TRACK
@@ -62,9 +64,10 @@ class ReturnWatch:
             self.is_safe = self._was_safe = True
             self.track_enu_m = NO_TRACK
             return
-        if now_s < self._next_s:
+        stored = state.mission_list.stored
+        if now_s < self._next_s and stored is self._judged:
             return
-        self._next_s = now_s + LOOK_S
+        self._next_s, self._judged = now_s + LOOK_S, stored
         near = self._violations(state, ownship)
         if bool(near) is self._was_safe:
             self._was_safe, self._since_s = not near, now_s
