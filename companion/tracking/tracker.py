@@ -105,7 +105,7 @@ class Tracker:
     counters : Counter of str
         Reports by result: ``applied``, ``applied_late``, ``initiated``, ``restarted``; dropped reports as
         ``not_finite``, ``out_of_range``, ``future``, ``old``, ``too_late``, ``duplicate``, ``teleporting``,
-        ``crowded``. Ended tracks as ``aged_out``, ``evicted`` and ``same_as_another``.
+        ``crowded``. Ended tracks as ``aged_out``, ``evicted``, ``same_as_another`` and ``announced``.
     """
 
     def __init__(
@@ -154,6 +154,16 @@ class Tracker:
                 self._note_twin(identity, detection.stamp_s)
         elif self._has_room(report, detection, now_s):
             self._initiate(report, detection)
+
+    def place_of(self, report: TrackReport, now_s: float) -> tuple[float, float, float] | None:
+        """Return east, north, up of a report [m]; None if it is impossible. Nothing is counted."""
+        detection = self._detection(report, now_s)
+        return None if isinstance(detection, str) else detection.position_enu_m
+
+    def forget(self, identity: str) -> None:
+        """End the track of a vehicle of which more is known than its reports say."""
+        if identity in self._tracks:
+            self._end(identity, "announced")
 
     def tracks(self, now_s: float) -> tuple[TrackState, ...]:
         """Return all vehicles as estimated at an instant, sorted by identity."""

@@ -66,5 +66,5 @@ def team_protocols(
     Members whose paths are known are in the world where they will be.
     """
     team = TeamExchange(flight, world_model.ownship, link, clock, announcer)
-    world_model.listen_to_team(team.with_members)
+    world_model.listen_to_team(team)
     return protocols_for(flight, link.autopilot, world_model.ownship, clock, team)

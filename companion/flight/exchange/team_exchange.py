@@ -22,7 +22,13 @@ from companion.flight.state.decision import DecisionKind, Verdict
 from companion.flight.state.flight_state import StateOwner, after_auction
 from companion.flight.state.team_part import is_available, new_agreement, reached_goals
 from companion.mission.team.agreement import Agreement, Outcome
-from companion.mission.team.member_tracks import STOPS_S, may_come_into, members_among, track_of_plan
+from companion.mission.team.member_tracks import (
+    STOPS_S,
+    may_come_into,
+    member_named,
+    members_among,
+    track_of_plan,
+)
 from companion.mission.team.shared_plan import SharedPlan, entering_circle
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import ClockReported, TeamMessage
@@ -84,7 +90,10 @@ class TeamExchange:
         self._announced = AnnouncedPlan()
         self._is_asking = False
         self._lost = frozenset[int]()
-        self._sightings: dict[int, TrackState] = {}  # the last one of each member
+        # When each member was sighted last [s], and where [m].
+        self._sightings: dict[int, tuple[float, tuple[float, float, float]]] = {}
+        self._near: list[SharedPlan] = []
+        self._near_to: object = None
 
     @property
     def agreement(self) -> Agreement | None:
@@ -143,7 +152,7 @@ class TeamExchange:
             return False
         for member in lost:
             seen = self._sightings.get(member)
-            if seen is None or self._clock.now_s() - seen.observed_s >= config.lost_after_s:
+            if seen is None or self._clock.now_s() - seen[0] >= config.lost_after_s:
                 agreement.forget(member)
         east_m, north_m, _ = ownship.position_enu_m
         won = auction.look(
@@ -286,10 +295,35 @@ class TeamExchange:
         return {"members": rows, "flown": flown}
 
     def _place_of(self, member: int) -> tuple[float, float, float] | None:
-        track = self._sightings.get(member)
-        return None if track is None else track.position_enu_m
+        seen = self._sightings.get(member)
+        return None if seen is None else seen[1]
 
     # --- where the others will be
+
+    @property
+    def plans(self) -> tuple[SharedPlan, ...]:
+        """The plans of others from which this member keeps clear."""
+        return () if self._agreement is None else self._agreement.plans_to_clear()
+
+    def takes(self, identity: str, place_enu_m: tuple[float, float, float], stamp_s: float) -> bool:
+        """Return whether a vehicle is a member that flies its announced plan: then it is not tracked.
+
+        Parameters
+        ----------
+        identity : str
+            Identity of the vehicle that reported itself.
+        place_enu_m : tuple of float
+            Position of the vehicle [m].
+        stamp_s : float
+            Time of the position, by the clock [s].
+        """
+        agreement, ahead_s = self._agreement, self._utc.ahead_s
+        member = member_named(identity, self._flight.state.mission.team_members)
+        if agreement is None or ahead_s is None or member is None:
+            return False
+        agreement.observe(member, place_enu_m, stamp_s + ahead_s)
+        self._sightings[member] = stamp_s, place_enu_m
+        return member in agreement.members_as_announced(stamp_s + ahead_s)
 
     def with_members(self, tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
         """Return tracks in which members fly their announced plans.
@@ -299,7 +333,7 @@ class TeamExchange:
         Parameters
         ----------
         tracks : iterable of TrackState
-            All vehicles as they were sighted.
+            All vehicles that are tracked.
         now_s : float
             The clock's reading [s].
         """
@@ -308,27 +342,28 @@ class TeamExchange:
             return tuple(tracks)
         ahead_s = self._utc.ahead_s
         sighted, others = members_among(tracks, config.members)
-        for member, track in sighted.items():
-            agreement.observe(member, track.position_enu_m, track.stamp_s + ahead_s)
-            self._sightings[member] = track
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_SLACK_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
-        plans, utc_s = agreement.plans_to_clear(), now_s + ahead_s
-        as_announced = {plan.member for plan in plans}
-        as_announced -= agreement.members_deviating(utc_s) | agreement.members_lost(utc_s)
+        as_announced = agreement.members_as_announced(now_s + ahead_s)
         others += [
             replace(track, max_threat_radius_m=reach_m, flies_on=True, is_airborne=True, clear_up_m=up_m)
             for member, track in sighted.items()
             if member not in as_announced
         ]
-        bounds = self._flight.state.mission.bounds
-        area = np.array([bounds.east_m, bounds.north_m, bounds.up_m])
         others += [
-            track_of_plan(plan, now_s, ahead_s, reach_m, up_m)
-            for plan in plans
-            if may_come_into(area, plan, reach_m, up_m)
+            track_of_plan(plan, now_s, ahead_s, reach_m, up_m) for plan in self._plans_near(reach_m, up_m)
         ]
         return tuple(sorted(others, key=lambda track: track.identity))
+
+    def _plans_near(self, reach_m: float, up_m: float) -> list[SharedPlan]:
+        """Return the plans of others that may come near to an aircraft within the mission's bounds."""
+        plans, bounds = self.plans, self._flight.state.mission.bounds
+        key = (plans, reach_m, up_m, bounds)
+        if self._near_to != key:
+            area = np.array([bounds.east_m, bounds.north_m, bounds.up_m])
+            self._near = [plan for plan in plans if may_come_into(area, plan, reach_m, up_m)]
+            self._near_to = key
+        return self._near
 
 
 def _plan_rows(plan: SharedPlan | None) -> list[list[float]]:

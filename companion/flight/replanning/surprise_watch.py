@@ -53,7 +53,7 @@ class SurpriseWatch:
         self._known_tracks: dict[str, tuple[TrackState, ...]] = {}
         self._was_failing = True
         self._surprise = ""
-        self._seen: tuple[float, int] | None = None
+        self._seen: tuple[float, int, tuple[object, ...]] | None = None
         self._rules: Rules | None = None
         self._looks = TokenBucket(LOOKS_HZ, LOOKS_AT_ONCE)
 
@@ -101,7 +101,7 @@ class SurpriseWatch:
         """
         state, world_model = self._flight.state, self._world_model
         ownship = world_model.ownship.state(now_s)
-        world = world_model.newest_track_s, world_model.num_known_threats
+        world = world_model.news
         if ownship is None or not state.may_act or not state.flies_to_goal:
             return ""
         is_same = world == self._seen and state.rules is self._rules

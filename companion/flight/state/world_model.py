@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -24,15 +25,21 @@ from companion.types.threat import TrackState
 from companion.world.obstacles import packed_obstacles
 from companion.world.snapshot import Snapshot
 
-WithMembers = Callable[[Iterable[TrackState], float], tuple[TrackState, ...]]
-
 EYE_M = 2.0  # The eye of a ground vehicle is this high above the ground.
 
 
-def _as_sighted(tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
-    """Return the tracks of a flight without a team."""
-    del now_s
-    return tuple(tracks)
+class TeamWatch(Protocol):
+    """What is known of the members of a team."""
+
+    @property
+    def plans(self) -> tuple[object, ...]:
+        """What the members announced."""
+
+    def takes(self, identity: str, place_enu_m: tuple[float, float, float], stamp_s: float) -> bool:
+        """Return whether a vehicle, at a place [m] at a time [s], is a member on its announced path."""
+
+    def with_members(self, tracks: Iterable[TrackState], now_s: float) -> tuple[TrackState, ...]:
+        """Return the tracks at a time [s] with the members on their announced paths."""
 
 
 def _ages_of(mission: MissionConfig) -> OwnshipSettings:
@@ -63,7 +70,7 @@ class WorldModel:
         mission = rules.mission
         self.ownship = OwnshipEstimator(mission.frame, _ages_of(mission))
         self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
-        self._with_members: WithMembers = _as_sighted
+        self._team: TeamWatch | None = None
         self.newest_track_s = -math.inf
         self.reports: Counter[str] = Counter()  # number of track reports by message
 
@@ -101,18 +108,35 @@ class WorldModel:
             if not self._rules.settings.strategies.minds_dts:
                 return
             self.reports[event.source.partition(" ")[0]] += 1
-            self.tracker.observe(event, now_s)
-            self.newest_track_s = now_s
+            if self._is_member(event, now_s):
+                self.tracker.forget(event.identity)
+            else:
+                self.tracker.observe(event, now_s)
+                self.newest_track_s = now_s
         else:
             self.ownship.observe(event)
 
-    def listen_to_team(self, with_members: WithMembers) -> None:
-        """Let team members fly their announced plans, by a function of tracks and the clock's reading [s]."""
-        self._with_members = with_members
+    def _is_member(self, report: TrackReport, now_s: float) -> bool:
+        """Return whether a report is of a member of the team that flies its announced path."""
+        if self._team is None:
+            return False
+        place = self.tracker.place_of(report, now_s)
+        return place is not None and self._team.takes(report.identity, place, report.stamp_s)
+
+    def listen_to_team(self, team: TeamWatch) -> None:
+        """Let members of a team fly their announced paths."""
+        self._team = team
 
     def tracks(self, now_s: float) -> tuple[TrackState, ...]:
-        """Return all vehicles as estimated at an instant; members of a team by their announced plans."""
-        return self._with_members(self.tracker.tracks(now_s), now_s)
+        """Return all vehicles as estimated at an instant; members of a team on their announced paths."""
+        tracks = self.tracker.tracks(now_s)
+        return tracks if self._team is None else self._team.with_members(tracks, now_s)
+
+    @property
+    def news(self) -> tuple[float, int, tuple[object, ...]]:
+        """What differs once another vehicle, a radar or the path of a member has become known."""
+        plans = () if self._team is None else self._team.plans
+        return self.newest_track_s, self.num_known_threats, plans
 
     def snapshot(self, now_s: float) -> Snapshot:
         """Return the world now: sensed radars stay known, tracks are predicted to this instant."""

@@ -165,6 +165,11 @@ class Agreement:
         since_s = now_s - self._settings.deviating_after_s
         return frozenset(other for other, off_s in self._off_since_s.items() if off_s <= since_s)
 
+    def members_as_announced(self, now_s: float) -> frozenset[int]:
+        """Return the members that announced a plan, are not lost, and do not deviate."""
+        announced = {plan.member for plan in self.plans_to_clear()}
+        return frozenset(announced - self.members_deviating(now_s) - self.members_lost(now_s))
+
     def members_in_conflict(self, now_s: float) -> frozenset[int]:
         """Return the members whose committed plans conflict with this member's own from now on.
 

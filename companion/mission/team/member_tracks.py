@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,6 +14,13 @@ from companion.types.threat import TrackState, places_on_route
 
 IDENTITY = "system:"  # What a vehicle's own position reports are tracked under, with its system id.
 STOPS_S = 1.0  # A member of a team is in its circle from this time after the end of its path at the latest.
+
+
+def member_named(identity: str, members: Collection[int]) -> int | None:
+    """Return the system id of the member that is tracked under an identity; None if it is no member's."""
+    number = identity.removeprefix(IDENTITY)
+    is_system = number != identity and number.isdecimal()
+    return int(number) if is_system and int(number) in members else None
 
 
 def members_among(
@@ -30,11 +38,11 @@ def members_among(
     found: dict[int, TrackState] = {}
     others = []
     for track in tracks:
-        number = track.identity.removeprefix(IDENTITY)
-        if number != track.identity and number.isdecimal() and int(number) in members:
-            found[int(number)] = track
-        else:
+        member = member_named(track.identity, members)
+        if member is None:
             others.append(track)
+        else:
+            found[member] = track
     return found, others
 
 
@@ -68,15 +76,8 @@ def track_of_plan(plan: SharedPlan, now_s: float, ahead_s: float, reach_m: float
     reach_m, up_m : float
         Horizontal and vertical distance to be kept [m].
     """
-    rows = plan.rows.copy()
-    rows[:, 0] -= ahead_s
-    centre, end_s = rows[-1, 1:], max(float(rows[-1, 0]), now_s)
-    if end_s > rows[-1, 0]:
-        rows = np.array([[now_s, *centre]])
-    elif len(rows) > 1 and rows[-2, 0] == end_s:
-        rows = rows[:-1]  # It enters its circle there.
-    route = np.array([*rows, (end_s + STOPS_S, *centre), (end_s + 2.0 * STOPS_S, *centre)])
-    route = route[np.append(True, np.diff(route[:, 0]) > 0.0)]
+    end_s = max(float(plan.rows[-1, 0]) - ahead_s, now_s)
+    route = _route_of(plan, ahead_s) if end_s > now_s else _stay(plan.rows[-1, 1:], now_s)
     place, then = places_on_route(route, now_s + np.array([0.0, STOPS_S]))
     velocity = (then - place) / STOPS_S
     return TrackState(
@@ -98,3 +99,20 @@ def track_of_plan(plan: SharedPlan, now_s: float, ahead_s: float, reach_m: float
         circle_m=plan.radius_m,
         circles_from_s=end_s - STOPS_S,
     )
+
+
+@lru_cache(maxsize=512)
+def _route_of(plan: SharedPlan, ahead_s: float) -> FloatArray:
+    """Return the route (M, 4) of a plan by the clock: time [s] and place [m], up to its circle's centre."""
+    rows = plan.rows - np.array([ahead_s, 0.0, 0.0, 0.0])
+    stays = _stay(rows[-1, 1:], float(rows[-1, 0]))[1:]
+    if len(rows) > 1 and rows[-2, 0] == rows[-1, 0]:
+        rows = rows[:-1]  # It enters its circle there.
+    both = np.vstack([rows, stays])
+    route: FloatArray = both[np.append(True, np.diff(both[:, 0]) > 0.0)]
+    return route
+
+
+def _stay(place: FloatArray, since_s: float) -> FloatArray:
+    """Return the route (3, 4) of a member in its circle about a ``place`` (3,) [m]."""
+    return np.array([[since_s + STOPS_S * number, *place] for number in range(3)])

@@ -48,7 +48,9 @@ class Team:
             limits=SimpleNamespace(margin_m=10.0), check_track=lambda _places, _margin: self.met
         )
         self.state = SimpleNamespace(
-            mission=SimpleNamespace(team=team, frame=FRAME, bounds=BOUNDS), flown=None, turn_radius_m=80.0,
+            mission=SimpleNamespace(
+                team=team, frame=FRAME, bounds=BOUNDS, team_members=team.members if team else ()
+            ), flown=None, turn_radius_m=80.0,
             motion=Motion.STEERED, target_enu_m=None, rules=SimpleNamespace(checker=checker),
         )  # fmt: skip
         self.own = Ownship(0.0, (0.0, 0.0, 100.0), 0.0, 0.0, 20.0, 0.0)
@@ -214,10 +216,13 @@ def test_a_member_that_is_not_where_it_told_is_an_aircraft_that_passes():
     team = Team().begin()
     crossing(team)
     team.talk(5.0)
-    on_path = sighted((700.0, -600.0, 100.0), 5.0)
-    assert len(team.exchange.with_members((on_path,), 5.0)) == 1
-    for now_s in np.arange(5.0, 12.0):
-        found = team.exchange.with_members((sighted((300.0, -600.0, 100.0), now_s),), now_s)
+    assert team.exchange.takes("system:2", (700.0, -600.0, 100.0), 5.0)
+    assert not team.exchange.takes("system:9", (700.0, -600.0, 100.0), 5.0)  # It is no member.
+    assert not team.exchange.takes("system:3", (700.0, -600.0, 100.0), 5.0)  # It announced nothing.
+    place = (300.0, -600.0, 100.0)
+    taken = [team.exchange.takes("system:2", place, now_s) for now_s in np.arange(6.0, 12.5)]
+    assert taken == [True] * 5 + [False] * 2  # For 5 s it may be late news.
+    found = team.exchange.with_members((sighted(place, 12.0),), 12.0)
     (off,) = (track for track in found if not track.keeps_route)
     assert len(found) == 2
     assert off.position_enu_m[0] == 300.0
@@ -309,7 +314,7 @@ def test_a_member_that_a_pilot_flies_holds_no_goals_and_the_plan_of_a_lost_one_i
     assert team.others[2].auction.lists({1, 2, 3}).keys() == {2, 3}
     for now_s in (60.0, 75.0):
         team.talk(now_s, without=(2, 3))
-        team.exchange.with_members((sighted((700.0, 0.0, 100.0), now_s),), now_s)
+        team.exchange.takes("system:2", (700.0, 0.0, 100.0), now_s)
     team.talk(90.0, without=(2, 3))
     assert [plan.member for plan in team.exchange.agreement.plans_to_clear()] == [2]  # It is seen still.
     team.talk(140.0, without=(2, 3))

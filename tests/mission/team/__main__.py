@@ -1,7 +1,8 @@
-"""``python -m tests.mission.team``: teams of which one member is gone, over maps; what others cost a plan."""
+"""``python -m tests.mission.team``: teams of which one is gone, over maps; what others cost the service."""
 
 import argparse
 import dataclasses
+import itertools
 import json
 import logging
 import statistics
@@ -10,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 from companion.types.events import Dialect
-from tests.mission.team import map_flights, planning_cost
+from tests.mission.team import hearing_cost, map_flights, planning_cost
 from tests.mission.team.shared_goal_flights import flown
 
 
@@ -49,7 +50,8 @@ def main():
     parser.add_argument("--px4", action="store_true", help="PX4 instead of ArduPlane, where one is gone")
     chosen = parser.parse_args()
     if chosen.what == "cost":
-        for line in planning_cost.lines():
+        logging.disable(logging.CRITICAL)
+        for line in itertools.chain(hearing_cost.lines(), planning_cost.lines()):
             say(line)
         return
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.n)
