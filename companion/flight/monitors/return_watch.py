@@ -18,7 +18,7 @@ from companion.link.missions.autopilot_link import AutopilotLink
 from companion.types.mission import MissionItem
 from companion.types.state import Ownship
 
-LOOK_S = 2.0  # Period of the judgement; another list of items is judged at once.
+LOOK_S = 1.0  # Period of the judgement; another list of items is judged at once.
 LASTS_S = 8.0  # Another result is announced after this time.
 NO_TRACK: FloatArray = np.empty((0, 3))
 WATCHED = frozenset({Mode.DEPARTING, Mode.ACTIVE})
