@@ -11,6 +11,8 @@ import contextlib
 import errno
 import os
 import stat
+import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -91,6 +93,55 @@ def replace_file(path: Path, data: bytes, mode: int = PRIVATE, *, is_synced: boo
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
         raise
+
+
+class StateFile:
+    """A file that a program replaces or deletes as it goes on.
+
+    A disk that others write to may take seconds. In a service that would delay its heartbeats, so there each
+    content is written in a thread; of several that wait only the newest. A program that ends waits for them.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    failed : callable
+        Called with the error if the file cannot be written or deleted.
+    is_threaded : bool
+        Whether files are written in threads.
+    """
+
+    def __init__(self, path: Path, failed: Callable[[OSError], None], *, is_threaded: bool = False) -> None:
+        self.path = path
+        self._failed, self._is_threaded = failed, is_threaded
+        self._lock, self._newest = threading.Lock(), b""
+        self._thread: threading.Thread | None = None
+
+    def replace(self, data: bytes) -> None:
+        """Write the file completely or not at all; without ``data`` it is deleted."""
+        self._newest = data
+        if self._is_threaded:
+            self._thread = threading.Thread(target=self._carry_out, args=(data,), name=self.path.name)
+            self._thread.start()
+        else:
+            self._carry_out(data)
+
+    def wait(self) -> None:
+        """Wait until the newest content is written."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def _carry_out(self, data: bytes) -> None:
+        with self._lock:
+            if data is not self._newest:
+                return
+            try:
+                if data:
+                    replace_file(self.path, data)
+                else:
+                    self.path.unlink(missing_ok=True)
+            except OSError as error:
+                self._failed(error)
 
 
 def open_to_read(path: Path, *, follow: bool = True) -> BinaryIO:

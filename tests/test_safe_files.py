@@ -4,9 +4,11 @@ import asyncio
 import contextlib
 import errno
 import os
+import threading
 
 import pytest
 
+from companion import safe_files
 from companion.config import load_mission
 from companion.config.compose import world_of
 from companion.config.parameters.pilot_parameters import Parameters
@@ -16,7 +18,14 @@ from companion.link.wire.signing import Timestamps
 from companion.link.wire.tlog import TlogWriter
 from companion.recording.mcap_writer import FlightLog
 from companion.recording.recorder import About, Recorder
-from companion.safe_files import make_folder, open_to_write, read_file, rename_damaged, replace_file
+from companion.safe_files import (
+    StateFile,
+    make_folder,
+    open_to_write,
+    read_file,
+    rename_damaged,
+    replace_file,
+)
 from companion.service.process import service
 from companion.ui.reports.plots import plot_mission
 from tests.sim.client import CONFIGS
@@ -185,3 +194,34 @@ def test_a_damaged_file_is_set_aside(tmp_path):
     assert rename_damaged(file) == tmp_path / "state.damaged"
     assert [entry.read_text() for entry in tmp_path.iterdir()] == ["bad"]
     assert rename_damaged(file) is None
+
+
+def test_a_slow_disk_holds_up_nobody_and_only_the_newest_content_is_written(tmp_path, monkeypatch):
+    free, written = threading.Event(), []
+
+    def slow(path, data):
+        free.wait(10.0)
+        written.append(data)
+        replace_file(path, data)
+
+    monkeypatch.setattr(safe_files, "replace_file", slow)
+    file = StateFile(tmp_path / "state", pytest.fail, is_threaded=True)
+    for number in range(5):
+        file.replace(b"%d" % number)
+    assert written == []
+    free.set()
+    file.wait()
+    assert (tmp_path / "state").read_bytes() == b"4"
+    assert written in ([b"4"], [b"0", b"4"])  # The first may have begun.
+    file.replace(b"")
+    file.wait()
+    assert not (tmp_path / "state").exists()
+
+
+def test_what_a_thread_cannot_write_is_told(tmp_path):
+    (tmp_path / "a file").write_text("")
+    failures = []
+    file = StateFile(tmp_path / "a file" / "state", failures.append, is_threaded=True)
+    file.replace(b"content")
+    file.wait()
+    assert [type(error) for error in failures] == [NotADirectoryError]

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from companion.config import MissionConfig, PlanningConfig
 from companion.config.checks import findings
 from companion.config.parameters.parameter_metadata import Parameter, documents
-from companion.safe_files import read_file, rename_damaged, replace_file
+from companion.safe_files import StateFile, read_file, rename_damaged
 
 Sender = tuple[int, int]  # System id and component id.
 
@@ -47,11 +47,13 @@ class Parameters:
         Mission file, for the values that were not set.
     file : Path or None
         File of the values that were set; None keeps them in memory only.
+    is_threaded : bool
+        Whether the file is written in threads, as in a service.
     """
 
-    def __init__(self, mission: MissionConfig, file: Path | None) -> None:
+    def __init__(self, mission: MissionConfig, file: Path | None, *, is_threaded: bool = False) -> None:
         self._mission = mission
-        self._file = file
+        self._file = None if file is None else StateFile(file, _note_failure, is_threaded=is_threaded)
         self._listeners: list[Callable[[str, Sender], None]] = []
         self._set: dict[str, float] = {}
         self._is_saved = True
@@ -169,15 +171,16 @@ class Parameters:
     def _read_file(self) -> dict[str, float]:
         if self._file is None:
             return {}
+        path = self._file.path
         try:
-            kept = json.loads(read_file(self._file, SIZE_MAX))
+            kept = json.loads(read_file(path, SIZE_MAX))
             return {str(name): float(value) for name, value in kept.items()}
         except FileNotFoundError:
             return {}
         except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-            renamed = rename_damaged(self._file)
+            renamed = rename_damaged(path)
             found = "" if renamed is None else f", now {renamed}"
-            _log.warning("parameters are the mission file's: %s%s: %s", self._file, found, error)
+            _log.warning("parameters are the mission file's: %s%s: %s", path, found, error)
             return {}
 
     def keep(self) -> None:
@@ -185,10 +188,17 @@ class Parameters:
         if self._file is None or self._is_saved:
             return
         self._is_saved = True
-        try:
-            replace_file(self._file, (json.dumps(self._set, indent=1) + "\n").encode("ascii"))
-        except OSError as error:
-            _log.error("parameters cannot be written: %s", error)
+        self._file.replace((json.dumps(self._set, indent=1) + "\n").encode("ascii"))
+
+    def wait(self) -> None:
+        """Wait until everything is written."""
+        if self._file is not None:
+            self._file.wait()
+
+
+def _note_failure(error: OSError) -> None:
+    """Log that the file cannot be written."""
+    _log.error("parameters cannot be written: %s", error)
 
 
 def _bound(error: ValidationError) -> str:

@@ -16,12 +16,13 @@ import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.safe_files import read_file, rename_damaged, replace_file
+from companion.safe_files import StateFile, read_file, rename_damaged
 from companion.types.mission import MissionItem
 from companion.types.path import Path
 
@@ -55,10 +56,21 @@ class Checkpoint:
         Common beginning of the files' names; without it nothing outlasts the process.
     contents : mapping of str to bytes, optional
         Initial contents by the ends of the files' names, instead of the files.
+    is_threaded : bool
+        Whether files are written in threads, as in a service.
     """
 
-    def __init__(self, stem: FilePath | None = None, contents: Mapping[str, bytes] | None = None) -> None:
-        self._stem = stem
+    def __init__(
+        self,
+        stem: FilePath | None = None,
+        contents: Mapping[str, bytes] | None = None,
+        *,
+        is_threaded: bool = False,
+    ) -> None:
+        self._files: dict[str, StateFile] = {}
+        for end in () if stem is None else (GOALS_END, FLOWN_END):
+            path = FilePath(f"{stem}{end}")
+            self._files[end] = StateFile(path, partial(_note_failure, path), is_threaded=is_threaded)
         self._contents = dict(contents) if contents is not None else self._read()
 
     @property
@@ -99,23 +111,19 @@ class Checkpoint:
     def forget(self) -> None:
         """Delete everything: a flight is over."""
         self._contents.clear()
-        for file in self._files().values():
-            try:
-                file.unlink(missing_ok=True)
-            except OSError as error:
-                _log.error("the last flight's checkpoint cannot be deleted: %s", error)
+        for file in self._files.values():
+            file.replace(b"")
 
-    def _files(self) -> dict[str, FilePath]:
-        stem = self._stem
-        return (
-            {} if stem is None else {end: stem.with_name(stem.name + end) for end in (GOALS_END, FLOWN_END)}
-        )
+    def wait(self) -> None:
+        """Wait until everything is written."""
+        for file in self._files.values():
+            file.wait()
 
     def _read(self) -> dict[str, bytes]:
         kept = {}
-        for end, file in self._files().items():
+        for end, path in ((end, file.path) for end, file in self._files.items()):
             try:
-                data = read_file(file, SIZE_MAX)
+                data = read_file(path, SIZE_MAX)
                 is_sound = (_goals_in(data) if end == GOALS_END else _flown_in(data)) is not None
             except FileNotFoundError:
                 continue
@@ -124,21 +132,21 @@ class Checkpoint:
             if is_sound:
                 kept[end] = data
             else:
-                renamed = rename_damaged(file)
+                renamed = rename_damaged(path)
                 found = "cannot be read" if renamed is None else f"was damaged and is now {renamed}"
-                _log.error("%s %s: the flight begins without it", file, found)
+                _log.error("%s %s: the flight begins without it", path, found)
         return kept
 
     def _keep(self, end: str, data: bytes) -> None:
         """Store, completely or not at all; a full disk loses the checkpoint, not the flight."""
         self._contents[end] = data
-        file = self._files().get(end)
-        if file is None:
-            return
-        try:
-            replace_file(file, data)
-        except OSError as error:
-            _log.error("the checkpoint cannot be written: %s", error)
+        if (file := self._files.get(end)) is not None:
+            file.replace(data)
+
+
+def _note_failure(path: FilePath, error: OSError) -> None:
+    """Log that a file cannot be written or deleted."""
+    _log.error("the checkpoint %s cannot be written: %s", path, error)
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,6 +119,8 @@ class App:
                 self._planning = tasks.create_task(_guarded("planning", self._plan), name="planning")
         finally:
             self._parameters.keep()
+            self._parameters.wait()
+            self._checkpoint.wait()
             await self.link.close()
 
     async def withdraw(self) -> None:

@@ -104,7 +104,7 @@ def composed(
     parameters_file : Path, optional
         File of the parameters that a pilot sets.
     """
-    parameters, observer = Parameters(mission, parameters_file), observer or Observer()
+    parameters, observer = Parameters(mission, parameters_file, is_threaded=True), observer or Observer()
     flight = StateOwner(first_state(parameters.mission(), clock.now_s()))
     world_model = WorldModel(flight.state.rules, seed)
     announcer, checkpoint = Announcer(link, recorder, clock), checkpoint or Checkpoint()

@@ -99,7 +99,7 @@ class RecordedFlight:
             recorder,
             seed=seed,
             runner=ThreadRunner(),
-            checkpoint=Checkpoint(flights / mission.name),
+            checkpoint=Checkpoint(flights / mission.name, is_threaded=True),
             observer=observers,
             parameters_file=flights / f"{mission.name}.parameters.json",
         )
