@@ -161,7 +161,7 @@ def num_return_items(items: Sequence[MissionItem]) -> int:
 
 def _is_bank(bank: Sequence[MissionItem]) -> bool:
     """Return whether items have the shape of a return bank."""
-    return (is_armed(bank) or _is_blank(bank[0])) and bank[-1].command in JUMPS
+    return (bank[0].command in STARTS or _is_blank(bank[0])) and bank[-1].command in JUMPS
 
 
 def _is_blank(item: MissionItem) -> bool:

@@ -121,9 +121,9 @@ class Checkpoint:
 
     def _read(self) -> dict[str, bytes]:
         kept = {}
-        for end, path in ((end, file.path) for end, file in self._files.items()):
+        for end, file in self._files.items():
             try:
-                data = read_file(path, SIZE_MAX)
+                data = read_file(file.path, SIZE_MAX)
                 is_sound = (_goals_in(data) if end == GOALS_END else _flown_in(data)) is not None
             except FileNotFoundError:
                 continue
@@ -132,9 +132,9 @@ class Checkpoint:
             if is_sound:
                 kept[end] = data
             else:
-                renamed = rename_damaged(path)
+                renamed = rename_damaged(file.path)
                 found = "cannot be read" if renamed is None else f"was damaged and is now {renamed}"
-                _log.error("%s %s: the flight begins without it", path, found)
+                _log.error("%s %s: the flight begins without it", file.path, found)
         return kept
 
     def _keep(self, end: str, data: bytes) -> None:
