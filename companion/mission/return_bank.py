@@ -22,8 +22,9 @@ ArduPlane 4.7 ``AP_Mission::jump_to_closest_mission_leg``, ``distance_to_mission
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -39,6 +40,7 @@ FOR_EVER = -1.0  # The repeat count of a DO_JUMP that repeats without end.
 LOOPS_MAX = 64  # ArduPlane follows at most this many jumps in a row.
 JUMPS = frozenset({Command.DO_JUMP, Command.DO_JUMP_TAG})
 _LANDINGS = frozenset({Command.NAV_LAND, Command.DO_LAND_START})
+Located = Callable[[MissionItem], tuple[float, float, float] | None]
 STARTS = frozenset({Command.DO_RETURN_PATH_START, Command.DO_LAND_START})
 
 
@@ -221,10 +223,11 @@ def joined_items(
     # Of equally near landings the autopilot takes the first, of return paths the last.
     is_landing = start is Command.DO_LAND_START
     legs_of, is_nearer = (_first_from, np.less) if is_landing else (_legs_from, np.less_equal)
+    located = partial(position_of, frame=frame, home_amsl_m=home_amsl_m)
     for item in items[1:]:
         if item.command != start:
             continue
-        legs = list(legs_of(items, item.sequence, frame, home_amsl_m, places_enu_m))
+        legs = list(legs_of(items, item.sequence, located, places_enu_m))
         if not legs:
             continue
         ends, away = np.array([end for end, _ in legs]), np.array([distances for _, distances in legs])
@@ -235,35 +238,27 @@ def joined_items(
 
 
 def _first_from(
-    items: Sequence[MissionItem],
-    start: int,
-    frame: LocalFrame,
-    home_amsl_m: float | None,
-    places: FloatArray,
+    items: Sequence[MissionItem], start: int, located: Located, places: FloatArray
 ) -> Iterator[tuple[int, FloatArray]]:
     """Yield the waypoint behind a start, and the distances (K,) of the start from ``places`` (K, 3) [m].
 
     A start without a place is where that waypoint is.
     """
     for item in followed(items, start):
-        position = position_of(item, frame, home_amsl_m)
+        position = located(item)
         if position is not None:
-            own = position_of(replace(items[start], command=Command.NAV_WAYPOINT), frame, home_amsl_m)
+            own = located(replace(items[start], command=Command.NAV_WAYPOINT))
             yield item.sequence, np.linalg.norm(places - np.array(own or position), axis=1)
             return
 
 
 def _legs_from(
-    items: Sequence[MissionItem],
-    start: int,
-    frame: LocalFrame,
-    home_amsl_m: float | None,
-    places: FloatArray,
+    items: Sequence[MissionItem], start: int, located: Located, places: FloatArray
 ) -> Iterator[tuple[int, FloatArray]]:
     """Yield where each leg of one return path ends, and its distances (K,) [m] from ``places`` (K, 3) [m]."""
     before = None
     for item in followed(items, start):
-        position = position_of(item, frame, home_amsl_m)
+        position = located(item)
         if position is not None:
             end = np.array(position)
             along = end if before is None else end - before
