@@ -19,7 +19,7 @@ from companion.types.mission import MissionItem
 from companion.types.state import Ownship
 
 LOOK_S = 1.0  # Period of the judgement; another list of items is judged at once.
-LASTS_S = 8.0  # Another result is announced after this time.
+UNSAFE_S, SAFE_S = 3.0, 8.0  # A return is called unsafe, and safe again, once it was so for these times.
 NO_TRACK: FloatArray = np.empty((0, 3))
 WATCHED = frozenset({Mode.DEPARTING, Mode.ACTIVE})
 
@@ -71,7 +71,8 @@ class ReturnWatch:
         near = self._violations(state, ownship)
         if bool(near) is self._was_safe:
             self._was_safe, self._since_s = not near, now_s
-        if self._was_safe is self.is_safe or now_s - self._since_s < LASTS_S:
+        lasts_s = SAFE_S if self._was_safe else UNSAFE_S
+        if self._was_safe is self.is_safe or now_s - self._since_s < lasts_s:
             return
         self.is_safe = self._was_safe
         if self.is_safe:
