@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from companion.types.threat import DynamicThreat, TrackState
 TWIN_DISTANCE = 13.28  # Squared distance that 99 % of true pairs do not exceed, with four degrees of freedom.
 TWIN_HEIGHT_M = 100.0  # A barometer may differ from a GPS receiver by this much.
 _NEWCOMER = ""  # No identity is empty.
+IsKnown = Callable[[str, tuple[float, float, float], float], bool]
 # Staleness and distance [m]; staleness and time to the aircraft [s].
 _Danger = tuple[tuple[bool, float], tuple[bool, float]]
 
@@ -136,13 +137,33 @@ class Tracker:
         if all(map(math.isfinite, (east_m, north_m, *velocity_m_s))):
             self._centre_m, self._velocity_m_s = (east_m, north_m), velocity_m_s
 
-    def observe(self, report: TrackReport, now_s: float) -> None:
-        """Take a report; impossible reports are dropped and counted, and never raise."""
+    def observe(self, report: TrackReport, now_s: float, is_known: IsKnown | None = None) -> bool:
+        """Take a report; impossible reports are dropped and counted, and never raise.
+
+        Parameters
+        ----------
+        report : TrackReport
+            The report.
+        now_s : float
+            The clock's reading [s].
+        is_known : callable, optional
+            Returns whether more is known of a vehicle than its reports say, by its identity, its position [m]
+            and when that was true [s]. Such a vehicle is not tracked.
+
+        Returns
+        -------
+        bool
+            Whether the vehicle is not known otherwise.
+        """
         self._end_old(now_s)
         detection = self._detection(report, now_s)
         if isinstance(detection, str):
             self.counters[detection] += 1
-            return
+            return True
+        if is_known is not None and is_known(report.identity, detection.position_enu_m, detection.stamp_s):
+            if report.identity in self._tracks:
+                self._end(report.identity, "announced")
+            return False
         identity = self._merged.get(report.identity, report.identity)
         track = self._tracks.get(identity)
         if track is not None:
@@ -154,16 +175,7 @@ class Tracker:
                 self._note_twin(identity, detection.stamp_s)
         elif self._has_room(report, detection, now_s):
             self._initiate(report, detection)
-
-    def place_of(self, report: TrackReport, now_s: float) -> tuple[float, float, float] | None:
-        """Return east, north, up of a report [m]; None if it is impossible. Nothing is counted."""
-        detection = self._detection(report, now_s)
-        return None if isinstance(detection, str) else detection.position_enu_m
-
-    def forget(self, identity: str) -> None:
-        """End the track of a vehicle of which more is known than its reports say."""
-        if identity in self._tracks:
-            self._end(identity, "announced")
+        return True
 
     def tracks(self, now_s: float) -> tuple[TrackState, ...]:
         """Return all vehicles as estimated at an instant, sorted by identity."""

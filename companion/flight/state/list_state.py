@@ -231,7 +231,7 @@ class ListState:
             return True
         if current is None:
             return False
-        is_named = bool(current.mission_id) and current.mission_id == self.pending.identity
+        is_named = bool(current.mission_id) and self.is_pending_flown(current)
         return is_named or current.stamp_s > self.pending.asked_s + COMMAND_DELAY_MAX_S
 
     def is_pending_flown(self, current: MissionCurrent) -> bool:

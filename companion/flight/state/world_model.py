@@ -108,20 +108,11 @@ class WorldModel:
             if not self._rules.settings.strategies.minds_dts:
                 return
             self.reports[event.source.partition(" ")[0]] += 1
-            if self._is_member(event, now_s):
-                self.tracker.forget(event.identity)
-            else:
-                self.tracker.observe(event, now_s)
+            is_known = None if self._team is None else self._team.takes
+            if self.tracker.observe(event, now_s, is_known):
                 self.newest_track_s = now_s
         else:
             self.ownship.observe(event)
-
-    def _is_member(self, report: TrackReport, now_s: float) -> bool:
-        """Return whether a report is of a member of the team that flies its announced path."""
-        if self._team is None:
-            return False
-        place = self.tracker.place_of(report, now_s)
-        return place is not None and self._team.takes(report.identity, place, report.stamp_s)
 
     def listen_to_team(self, team: TeamWatch) -> None:
         """Let members of a team fly their announced paths."""

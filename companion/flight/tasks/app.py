@@ -119,9 +119,9 @@ class App:
                 self._planning = tasks.create_task(_guarded("planning", self._plan), name="planning")
         finally:
             self._parameters.keep()
+            await self.link.close()
             self._parameters.wait()
             self._checkpoint.wait()
-            await self.link.close()
 
     async def withdraw(self) -> None:
         """Stop planning, cancel an exchange that is under way, and inform the pilot, before the end.
