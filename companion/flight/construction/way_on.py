@@ -128,7 +128,11 @@ def _over(ends: Ownship, centre: FloatArray, turn_rad: float) -> Ownship:
 
 
 def _path_to(state: FlightState, landing: GoalRegion, ends: Ownship, snapshot: Snapshot) -> Path | None:
-    """Return a path from the mission's end to the operator's landing; None if there is none."""
+    """Return a path from the mission's end to the operator's landing; None if there is none.
+
+    It is flown at an unknown time, if ever, so that moving threats are left out: nobody knows where they are
+    then.
+    """
     start = start_at(
         state.rules, ends, ends.stamp_s, ends.position_enu_m, course_rad=ends.course_rad, climb_rad=0.0,
         airspeed_m_s=ends.airspeed_m_s,
@@ -138,7 +142,8 @@ def _path_to(state: FlightState, landing: GoalRegion, ends: Ownship, snapshot: S
         max_iterations=min(state.rules.least_threat_settings.max_iterations, ITERATIONS_MAX),
         optimise_iterations_max=state.rules.least_threat_settings.optimise_iterations,
     )
-    problem = Problem(start, (landing,), snapshot, state.rules.vehicle, settings, seed=0)
+    world = snapshot.with_tracks(snapshot.stamp_s, ())
+    problem = Problem(start, (landing,), world, state.rules.vehicle, settings, seed=0)
     plan = solve(problem, lambda: False)
     if plan.path is None or not plan.reaches_goal:
         return None
