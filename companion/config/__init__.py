@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from companion.config.compose import world_of
     from companion.config.load import load_mission, mission_from_text, mission_text, require_goals
     from companion.config.models import (
-        Authority,
         Bounds,
         DynamicThreatConfig,
         Goal,
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
         Start,
         Vehicle,
     )
+    from companion.config.sections.authority_section import Authority
     from companion.config.sections.simulation_section import Simulation
 
 __all__ = [
@@ -54,6 +54,7 @@ __all__ = [
     "world_of",
 ]
 _MODULES = {
+    "Authority": "sections.authority_section",
     "Simulation": "sections.simulation_section",
     "load_mission": "load",
     "mission_from_text": "load",

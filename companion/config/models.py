@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticKnownError
 
+from companion.config.sections.authority_section import Authority
 from companion.config.sections.energy_section import EnergyConfig
 from companion.config.sections.glide_section import GlideConfig
 from companion.config.sections.section_base import Section
@@ -346,25 +347,6 @@ class UseBy(Section):
     """Highest age of a moving threat's position; later the threat may be wherever it could have moved to."""
     jump_confirm_s: Seconds = 30.0
     """A position that jumped is accepted after this time without another jump."""
-
-
-class Authority(Section):
-    """What the service may do without asking the pilot."""
-
-    resume: Literal["auto", "never"] = "auto"
-    """`auto`: the service continues when the pilot returns to the mission mode after leaving it."""
-    allow_rtl: bool = False
-    """If true, the last emergency step may select return to launch, if the way home is clear."""
-    keep_ready: bool = False
-    """If true, the autopilot always holds a checked mission for the return to AUTO while the pilot flies."""
-    keep_return_path: bool = True
-    """If true, the service keeps a checked return path in the list of an ArduPlane with RTL_AUTOLAND 2 or 4.
-    A return to launch then joins it, whoever begins the return."""
-    turn_back: bool = False
-    """If true, the service commands return to launch when all that the battery holds beyond `reserve_wh` is
-    needed for the way home, and that way is clear. This needs a section `energy`."""
-    glide: bool = False
-    """If true, the service flies the aircraft to a field of the section `glide` when thrust is missing."""
 
 
 class Takeover(Section):

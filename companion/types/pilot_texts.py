@@ -142,6 +142,19 @@ TEXTS = {
         "Watch the return. To end it, leave the mission mode, choose an item of the mission, and select the "
         "mission mode again.",
     ),
+    "return set": PilotText(
+        "return", Severity.NOTICE,
+        "{name} set to {value}, was {before}",
+        "The mission file has `authority.set_return`, and the planner has set the parameter with which a "
+        "return to launch follows a checked path.",
+        "Set it back after the flight if other flights need the old value.",
+    ),
+    "return not set": PilotText(
+        "return", Severity.WARNING,
+        "{name} could not be set: RTL may be straight",
+        "The mission file has `authority.set_return`, and the autopilot does not report the new value.",
+        "Set the parameter to 2 by the ground station.",
+    ),
     "return path": PilotText(
         "return", Severity.INFO,
         "RTL returns by a checked path of {length} km",

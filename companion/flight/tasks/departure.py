@@ -6,6 +6,7 @@ import math
 
 from companion.flight.messages.operator_summary import operator_summary_of
 from companion.flight.monitors.glide_down import GlideDown
+from companion.flight.monitors.return_setting import ReturnSetting
 from companion.flight.prediction.return_words import return_in_words
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
@@ -47,6 +48,9 @@ class Departure:
         self.glide = GlideDown(
             parts.flight, parts.world_model, parts.handover, parts.announcer, parts.performance, parts.clock
         )
+        self._return_setting = ReturnSetting(
+            parts.flight, self._protocols.parts.link, parts.announcer, parts.clock
+        )
         self._read_s = -math.inf
         self._began_s: float | None = None
         self._last_summary: tuple[tuple[MissionItem, ...], tuple[str, ...]] | None = None
@@ -68,6 +72,7 @@ class Departure:
             self._read_s = self._clock.now_s()
         elif is_known:
             await self._rally_points.renew(includes_unnamed=True)
+            await self._return_setting.keep_up()
         listed = self._flight.listed
         # The summary is repeated if a parameter changes the shortfalls, or what a return does.
         state = self._flight.state

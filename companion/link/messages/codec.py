@@ -382,20 +382,14 @@ class Codec:
             return self._packed(mavlink.MAVLink_mission_request_list_message(*target, mission_type))
         return self._packed(mavlink.MAVLink_mission_request_int_message(*target, sequence, mission_type))
 
-    def mission_accepted(self, mission_type: int = MissionType.MISSION) -> bytes:
-        """Pack the MISSION_ACK that ends a download."""
-        accepted = mavlink.MAV_MISSION_ACCEPTED
-        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, accepted, mission_type))
-
     def mission_refusal(self, target_system: int, target_component: int) -> bytes:
         """Pack a MISSION_ACK "unsupported": this component stores no missions."""
         unsupported = mavlink.MAV_MISSION_UNSUPPORTED
         return self._packed(mavlink.MAVLink_mission_ack_message(target_system, target_component, unsupported))
 
-    def mission_cancel(self, mission_type: int = MissionType.MISSION) -> bytes:
-        """Pack a MISSION_ACK "cancelled", which ends an aborted transfer on PX4."""
-        cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
-        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, cancelled, mission_type))
+    def mission_ack(self, result: int, mission_type: int = MissionType.MISSION) -> bytes:
+        """Pack a MISSION_ACK: "accepted" ends a download, and "cancelled" an aborted transfer on PX4."""
+        return self._packed(mavlink.MAVLink_mission_ack_message(self.own_ids[0], 1, result, mission_type))
 
     def terrain_data(self, lat_e7: int, lon_e7: int, spacing_m: int, square: int, up_m: list[int]) -> bytes:
         """Pack 16 heights of the ground."""
@@ -403,9 +397,13 @@ class Codec:
 
     def parameter_request(self, name: str) -> bytes:
         """Pack a PARAM_REQUEST_READ of an autopilot parameter, by name."""
-        return self._packed(
-            mavlink.MAVLink_param_request_read_message(self.own_ids[0], 1, name.encode("ascii"), -1)
-        )
+        return self._packed(mavlink.MAVLink_param_request_read_message(self.own_ids[0], 1, name.encode(), -1))
+
+    def parameter_set(self, name: str, value: int, *, is_bytewise: bool) -> bytes:
+        """Pack a PARAM_SET of a whole-number parameter; ``is_bytewise`` as in ``ParameterValue.number``."""
+        kind = mavlink.MAV_PARAM_TYPE_INT32 if is_bytewise else mavlink.MAV_PARAM_TYPE_REAL32
+        sent = struct.unpack("<f", struct.pack("<i", value))[0] if is_bytewise else float(value)
+        return self._packed(mavlink.MAVLink_param_set_message(self.own_ids[0], 1, name.encode(), sent, kind))
 
     def parameter_value(self, name: str, value: float, index: int, count: int) -> bytes:
         """Pack a PARAM_VALUE of one of our parameters; the name has at most 16 characters."""

@@ -5,8 +5,8 @@ seconds, over a link that may lose every fifth frame; it writes only a part of a
 timing follows the service's clock. Fences are downloaded in the same way, every second, and give way to all
 other transfers. MAVSDK downloads lists that others wrote, and rally points.
 
-``set_current`` and ``set_mode`` do not use MAVSDK either. MAVSDK's set-current waits for ever if the
-autopilot stores no mission, and blocks every later transfer. These calls wait by the service's clock.
+Commands and parameters do not use MAVSDK either: its set-current waits for ever if the autopilot stores no
+mission, and blocks every later transfer. These calls wait by the service's clock.
 """
 
 from __future__ import annotations
@@ -21,19 +21,20 @@ from companion.clock import Clock
 from companion.errors import NoAutopilotError, TransferError
 from companion.link.messages.codec import Codec
 from companion.link.messages.flight_modes import MISSION_MODES, custom_mode_of
+from companion.link.missions.answers import is_result_of, require_success
 from companion.link.missions.mavsdk_reader import MISSION_MESSAGES, MavsdkReader
 from companion.link.missions.mission_items import check_upload
 from companion.link.missions.mission_transfer import OPENING, MissionDownload, RoundTrip, Upload
 from companion.link.wire.decoded_frame import (
-    CommandAck,
     DecodedFrame,
     MissionAck,
     MissionCount,
     MissionItemReceived,
     MissionItemRequest,
+    ParameterValue,
 )
 from companion.types.events import Dialect, Heartbeat, MissionCurrent
-from companion.types.mavlink_enums import Command, CommandResult, ComponentId, MissionType, name_of
+from companion.types.mavlink_enums import Command, ComponentId, MissionResult, MissionType
 from companion.types.mission import MissionItem
 
 _COMMAND_TIMEOUT_S = 4.5  # A command is repeated for this time until it is answered.
@@ -63,12 +64,7 @@ class AutopilotLink:
     """
 
     def __init__(
-        self,
-        codec: Codec,
-        clock: Clock,
-        send: Callable[[bytes], None],
-        *,
-        timeout_s: float = 30.0,
+        self, codec: Codec, clock: Clock, send: Callable[[bytes], None], *, timeout_s: float = 30.0
     ) -> None:
         self.counters: Counter[str] = Counter()
         self._codec = codec
@@ -239,7 +235,7 @@ class AutopilotLink:
             return self._codec.mission_request(None if number == OPENING else number, kind)
 
         await self._run_transfer(reading, frame_of, operation, kind)
-        self._send(self._codec.mission_accepted(kind))
+        self._send(self._codec.mission_ack(MissionResult.ACCEPTED, kind))
         return reading.items
 
     async def _run_transfer(
@@ -278,7 +274,7 @@ class AutopilotLink:
         allowed, it receives the rest, which is not flown: missions are entered by commands.
         """
         if self.dialect is None or self.dialect.stays_busy or not self._may_complete():
-            self._send(self._codec.mission_cancel())
+            self._send(self._codec.mission_ack(MissionResult.OPERATION_CANCELLED))
             return
         until_s = self._clock.now_s() + REST_MAX_S
         while not self._transfer_ended.is_set() and self._may_complete():
@@ -372,12 +368,12 @@ class AutopilotLink:
         answer = await self._send_until_answered(
             make,
             lambda reply: (
-                _is_result_of(reply, Command.DO_SET_MISSION_CURRENT)
+                is_result_of(reply, Command.DO_SET_MISSION_CURRENT)
                 or (isinstance(reply, MissionCurrent) and reply.sequence == sequence)
             ),
             is_ahead,
         )
-        _require_success("set_current", answer)
+        require_success("set_current", answer)
 
     async def wait_for_mission_current(self, is_it: Callable[[MissionCurrent], bool], wait_s: float) -> bool:
         """Wait for a MISSION_CURRENT by our clock; returns whether one came in time."""
@@ -398,9 +394,24 @@ class AutopilotLink:
         if number is None:
             raise TransferError("set_mode", f"no mode {mode}")
         answer = await self._send_until_answered(
-            lambda _: self._codec.set_mode(number), lambda reply: _is_result_of(reply, Command.DO_SET_MODE)
+            lambda _: self._codec.set_mode(number), lambda reply: is_result_of(reply, Command.DO_SET_MODE)
         )
-        _require_success("set_mode", answer)
+        require_success("set_mode", answer)
+
+    async def set_parameter(self, name: str, value: int) -> None:
+        """Set a whole-number parameter of the autopilot.
+
+        Raises
+        ------
+        TransferError
+            If the autopilot does not report the new value within 4.5 s.
+        """
+        bytewise = self._require_autopilot().packs_parameters_bytewise
+        answer = await self._send_until_answered(
+            lambda _: self._codec.parameter_set(name, value, is_bytewise=bytewise),
+            lambda reply: isinstance(reply, ParameterValue) and reply.is_set(name, value, bytewise),
+        )
+        require_success("set_parameter", answer)
 
     def abandon(self) -> None:
         """Fail everything that is under way, at once."""
@@ -482,19 +493,4 @@ class AutopilotLink:
     def _cancel_on_autopilot(self, mission_type: int = MissionType.MISSION) -> None:
         """Tell a PX4 that a transfer is over; it would stay busy for 5 s, and longer at each new attempt."""
         if self.dialect is not None and self.dialect.stays_busy:
-            self._send(self._codec.mission_cancel(mission_type))
-
-
-def _is_result_of(reply: object, command: int) -> bool:
-    """Return whether a message is the final result of a command."""
-    if not isinstance(reply, CommandAck) or reply.command != command:
-        return False
-    return reply.result != CommandResult.IN_PROGRESS
-
-
-def _require_success(operation: str, answer: object | None) -> None:
-    """Raise TransferError if there is no answer, or if it is a refusal."""
-    if answer is None:
-        raise TransferError(operation, "no answer")
-    if isinstance(answer, CommandAck) and answer.result != CommandResult.ACCEPTED:
-        raise TransferError(operation, name_of(CommandResult, answer.result))
+            self._send(self._codec.mission_ack(MissionResult.OPERATION_CANCELLED, mission_type))

@@ -68,6 +68,10 @@ class ParameterValue:
         """Return the value; ``is_bytewise`` is true if the autopilot sends integers as in memory."""
         return float(self.bits) if self.is_whole and is_bytewise else self.value
 
+    def is_set(self, name: str, value: float, is_bytewise: bool) -> bool:
+        """Return whether this is a parameter with this value; ``is_bytewise`` as in :meth:`number`."""
+        return self.name == name and self.number(is_bytewise=is_bytewise) == value
+
 
 @dataclass(frozen=True, slots=True)
 class AutopilotVersion:

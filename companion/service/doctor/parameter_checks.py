@@ -70,7 +70,7 @@ ARDUPLANE = (
     ParameterCheck(
         "RTL_AUTOLAND",
         lambda v: v in (LANDING_AT_ONCE, BY_RETURN_PATH),
-        "set 4, or 2 before version 4.6.2, and the planner keeps a checked return path: "
+        "set 4, or 2 before version 4.6.2 (authority.set_return does), and the planner keeps a checked path: "
         "others return straight, and with 0 it does not arm while the mission has a DO_LAND_START",
     ),
     ParameterCheck(
