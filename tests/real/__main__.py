@@ -24,8 +24,8 @@ def main():
         "--autoland",
         type=int,
         default=4,
-        choices=(2, 4),
-        help="RTL_AUTOLAND of ArduPlanes that are sent home",
+        choices=(0, 2, 4),
+        help="RTL_AUTOLAND of ArduPlanes that are sent home; with 0 RTL_TYPE of PX4 is 0, too",
     )
     parser.add_argument(
         "--sections", default="{}", help='of the mission file, to be set, as JSON: {"energy": {…}}'

@@ -157,7 +157,7 @@ def sent_home(deck):
     if deck.kind.num_home_items:
         deck.station.set_parameter("RTL_AUTOLAND", deck.autoland)
     else:
-        deck.station.set_integer("RTL_TYPE", BY_MISSION)
+        deck.station.set_integer("RTL_TYPE", BY_MISSION if deck.autoland else 0)
     after_upload(deck)
     deck.wait_entered()
     deck.pause(deck.chance.uniform(*RETURN_AFTER_S))
