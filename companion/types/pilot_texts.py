@@ -155,6 +155,12 @@ TEXTS = {
         "The mission file has `authority.set_return`, and the autopilot does not report the new value.",
         "Set the parameter to 2 by the ground station.",
     ),
+    "return renewed": PilotText(
+        "return", Severity.NOTICE,
+        "Planner plans the rest of the return",
+        "A return to launch follows the checked path, and the mission file has `authority.renew_return`.",
+        "Watch the return. To end it, leave the mission mode.",
+    ),
     "return path": PilotText(
         "return", Severity.INFO,
         "RTL returns by a checked path of {length} km",

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 # Values of ArduPlane's RTL_AUTOLAND: straight home, to the landing at once, and by a return path.
 STRAIGHT_HOME, LANDING_AT_ONCE, BY_RETURN_PATH = 0.0, 2.0, 4.0
 
+# Where a return ends, east, north, up [m], and whether the operator's landing follows there.
+ReturnEnd = tuple[tuple[float, float, float], bool]
+
 
 @dataclass(frozen=True, slots=True)
 class Ownship:

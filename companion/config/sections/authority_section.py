@@ -22,6 +22,9 @@ class Authority(Section):
     set_return: bool = False
     """If true, the service sets RTL_AUTOLAND to 2 if it is neither 2 nor 4, or RTL_TYPE to 2 if the mission
     has a landing, before the aircraft is armed. The value stays after the flight."""
+    renew_return: bool = False
+    """If true, and a return to launch of an ArduPlane follows the return path, the service plans the rest of
+    it like any other path, whoever began the return."""
     turn_back: bool = False
     """If true, the service commands return to launch when all that the battery holds beyond `reserve_wh` is
     needed for the way home, and that way is clear. This needs a section `energy`."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.flight.construction.loiter_circles import circle_of
+from companion.flight.construction.loiter_circles import circle_of, place_of
 from companion.flight.construction.mission_construction import construct
 from companion.flight.prediction.mode_tracks import state_on
 from companion.flight.prediction.obstacle_ahead import is_clear
@@ -24,9 +24,11 @@ from companion.flight.prediction.return_path import (
     tracks_by_return_path,
 )
 from companion.flight.state.flight_state import FlightState, bound_for
-from companion.frames import FloatArray
+from companion.frames import FloatArray, wrapped_angle
 from companion.mission.return_bank import (
     RETURN_WAYPOINTS_MAX,
+    followed,
+    joined_item,
     joined_items,
     landing_start,
     path_start,
@@ -59,6 +61,10 @@ class ReturnMission:
         The item that commands the airspeed, in the places of the starts while the bank is not armed.
     path : Path
         The planned path.
+    place : GoalRegion
+        Where the path ends.
+    is_landing : bool
+        Whether the operator's landing follows there.
     covered_s : float
         For how long a return from the flown path keeps clear, from now on [s]; infinite if to its end.
     """
@@ -66,6 +72,8 @@ class ReturnMission:
     bank: tuple[MissionItem, ...]
     speed: MissionItem
     path: Path
+    place: GoalRegion
+    is_landing: bool
     covered_s: float
 
 
@@ -108,7 +116,7 @@ def return_mission(
         starts = _landing_starts(state, corners, num_flown, waypoints.ground)
     bank = return_bank(items, starts, end, landing)
     covers_s = covered_s(state, ownship, with_bank(state, bank))
-    return ReturnMission(bank, speed_item(waypoints, frame), path, covers_s)
+    return ReturnMission(bank, speed_item(waypoints, frame), path, place, landing is not None, covers_s)
 
 
 def _landing_starts(
@@ -153,6 +161,35 @@ def covered_s(state: FlightState, ownship: Ownship, items: Sequence[MissionItem]
             return STEP_S * before
         before = row
     return math.inf if len(track) * STEP_S < COVERED_MAX_S else COVERED_MAX_S
+
+
+def turns_about(state: FlightState, ownship: Ownship, items: Sequence[MissionItem], after_s: float) -> bool:
+    """Return whether a return that begins soon on the flown path turns about to join the return path.
+
+    It does if the first waypoint that it flies to lies behind the aircraft, or inside its tightest turn.
+
+    Parameters
+    ----------
+    state : FlightState
+        The flown path.
+    ownship : Ownship
+        The aircraft now.
+    items : sequence of MissionItem
+        The list with a return path.
+    after_s : float
+        Time from now to the begin of the return [s].
+    """
+    start, frame, home_amsl_m = start_of_return(state), state.mission.frame, state.mission_list.home_amsl_m
+    later = state_on(_track_ahead(state, ownship), round(after_s / STEP_S), ownship)
+    here = later.position_enu_m
+    joined = None if start is None else joined_item(items, frame, home_amsl_m, here, start)
+    places = () if joined is None else (place_of(state, item) for item in followed(items, joined))
+    first = next((place for place in places if place is not None), None)
+    if first is None:
+        return False
+    east, north = first[0] - here[0], first[1] - here[1]
+    angle = abs(wrapped_angle(math.atan2(east, north) - later.course_rad))
+    return angle > 0.5 * math.pi or math.hypot(east, north) < 2.0 * state.turn_radius_m * math.sin(angle)
 
 
 def with_bank(state: FlightState, bank: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:

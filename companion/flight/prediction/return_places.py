@@ -1,4 +1,4 @@
-"""The places where an ArduPlane's return path may end, and whether the service keeps one."""
+"""Whether the service keeps a return path, where it may end, and it as the flown path."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from collections.abc import Iterator
 
 from companion.flight.construction.cycle import rally_points_near
 from companion.flight.construction.way_on import landing_region
+from companion.flight.prediction.return_mission import ReturnMission
 from companion.flight.prediction.return_path import start_of_return
 from companion.flight.state.flight_state import FlightState
+from companion.flight.state.list_state import FlownPath
 from companion.mission.list_layout import TwoBankLayout
+from companion.mission.return_bank import RETURN_ITEMS
 from companion.planning.problem import GoalRegion
-from companion.types.mission import Command
+from companion.types.events import MissionCurrent
+from companion.types.mission import Command, Mission
 
 
 def is_return_wanted(state: FlightState) -> bool:
@@ -24,6 +28,8 @@ def is_return_wanted(state: FlightState) -> bool:
     listed, operator = state.mission_list, state.mission_list.operator
     start = start_of_return(state)
     if not (state.may_act and start is not None and state.mission.authority.keep_return_path):
+        return False
+    if state.is_returning:  # The autopilot may still fly the one that it has.
         return False
     if listed.pending is not None or listed.is_mixed:
         return False
@@ -56,3 +62,35 @@ def return_places(
         yield state.region_at((east, north, min(max(above, low), high))), False
     for place in rally_points_near(state, from_enu_m):
         yield place, False
+
+
+def may_renew(state: FlightState) -> bool:
+    """Return whether the service may plan the rest of a return that follows its return path.
+
+    The goals of a member of a team that shares them go to the others, and not to its return.
+
+    Parameters
+    ----------
+    state : FlightState
+        The mission file, and the autopilot's list.
+    """
+    is_known = state.mission_list.layout is not None
+    return is_known and state.mission.authority.renew_return and not state.mission.shares_goals
+
+
+def flown_return(state: FlightState, stored: ReturnMission, current: MissionCurrent) -> FlownPath:
+    """Return the return path as the flown path.
+
+    Parameters
+    ----------
+    state : FlightState
+        The autopilot's list.
+    stored : ReturnMission
+        The return path, which is in the list.
+    current : MissionCurrent
+        The item of it that is flown.
+    """
+    first = 0 if state.mission_list.layout is None else state.mission_list.layout.return_span[0]
+    entry = current.sequence - (current.sequence - first) % RETURN_ITEMS
+    mission = Mission(state.mission_list.stored, entry, 0)
+    return FlownPath(stored.path, mission, float(stored.path.times_s[-1]))

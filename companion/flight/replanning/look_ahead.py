@@ -9,12 +9,12 @@ from companion.flight.replanning.plan_maker import plan_request
 from companion.flight.replanning.plan_schedule import known_threats, wind_fault
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import FlightState
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import Start, lead_s, start_by_motion
 from companion.flight.takeover.start_prediction import start_at_takeover
 from companion.mission.swap import SwapOutcome
 from companion.types.plan import PlanStatus
-from companion.types.state import AutopilotSettings
 
 EARLY_S, LATE_S = 8.0, 3.0  # A plan made ahead is used at most this long before and after its start.
 
@@ -30,7 +30,7 @@ class LookAhead:
 
     def __init__(self, parts: ReplanningParts) -> None:
         self._parts = parts
-        self._prepared: tuple[ConstructedMission, AutopilotSettings] | None = None
+        self._prepared: tuple[ConstructedMission, FlightState] | None = None
         self._announced: DecisionKind | None = None
         self._is_ready = False
 
@@ -39,10 +39,10 @@ class LookAhead:
         self._prepared, self._announced, self._is_ready = None, None, False
 
     def take_prepared(self) -> ConstructedMission | None:
-        """Return the plan made ahead, if the aircraft is about at its start and its settings are the same."""
-        kept = self._prepared
+        """Return the plan made ahead, if the aircraft is about at its start, with its settings and goals."""
+        kept, state = self._prepared, self._parts.flight.state
         self.forget()
-        if kept is None or kept[1] != self._parts.flight.state.settings:
+        if kept is None or (kept[1].settings, kept[1].goals) != (state.settings, state.goals):
             return None
         prepared = kept[0]
         since_s = self._parts.clock.now_s() - prepared.start.state.stamp_s
@@ -69,7 +69,7 @@ class LookAhead:
         run, found = await maker.make(
             plan_request(state, start, snapshot), lambda plan: conclude(state, plan, start, snapshot)
         )
-        made_with, state = state.settings, parts.flight.state
+        made_with, state = state, parts.flight.state
         if found.constructed is None:
             self._prepared = None
             # In the climb the aircraft is below the bounds.

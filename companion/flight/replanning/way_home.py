@@ -21,12 +21,23 @@ from companion.flight.exchange.return_exchange import STOPPED, ReturnExchange
 from companion.flight.monitors.energy_watch import EnergyWatch
 from companion.flight.prediction.energy_ahead import affords
 from companion.flight.prediction.outward_path import outward_path
-from companion.flight.prediction.return_mission import ReturnMission, covered_s, return_mission, with_bank
-from companion.flight.prediction.return_places import is_return_wanted, return_places
+from companion.flight.prediction.return_mission import (
+    ReturnMission,
+    covered_s,
+    return_mission,
+    turns_about,
+    with_bank,
+)
+from companion.flight.prediction.return_places import (
+    flown_return,
+    is_return_wanted,
+    may_renew,
+    return_places,
+)
 from companion.flight.replanning.plan_maker import return_request
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.flight_state import FlightState
+from companion.flight.state.flight_state import FlightState, after_return_begun
 from companion.flight.state.progress import start_after
 from companion.planning.problem import GoalRegion
 from companion.types.path import Path
@@ -37,7 +48,8 @@ LOOK_S = 2.0  # Period with which the return path is judged.
 # The return path follows the flown path for one of these times, the first that does, and then turns back. Up
 # to there a return that begins on the flown path joins it without a turn.
 AHEAD_S = (20.0, 10.0, 30.0, 5.0)
-RENEWED_S = 12.0  # A return path is renewed when it covers the flown path for less than this time.
+RENEWED_S = 12.0  # A return path is renewed when it covers the flown path for less than this time,
+AHEAD_MIN_S = 4.0  # or when a return that begins in this time would turn about to join it.
 # After a return path could not be made or stored, it is tried again after this time; after `LOOK_S` if the
 # stored one ends sooner.
 AGAIN_S = 6.0
@@ -83,8 +95,9 @@ class WayHome:
         if ownship is None or not self._is_due(state, now):
             return
         self._next_s, self._judged = now + LOOK_S, None if state.flown is None else state.flown.path
-        covers_s = covered_s(state, ownship, state.mission_list.stored)
-        if covers_s >= RENEWED_S:
+        stored = state.mission_list.stored
+        covers_s = covered_s(state, ownship, stored)
+        if covers_s >= RENEWED_S and not turns_about(state, ownship, stored, AHEAD_MIN_S):
             self._energy.note_last_way_home(math.inf)
             return
         found = await self._planned(state, ownship)
@@ -104,6 +117,16 @@ class WayHome:
             return False
         is_other = state.flown is not None and state.flown.path is not self._judged
         return is_other or now_s >= self._next_s
+
+    def renew_rest(self) -> bool:
+        """Let the service plan the rest of a return that follows the stored path; return whether it does."""
+        flight, stored, current = self._parts.flight, self.stored, self._parts.handover.reader.current
+        if stored is None or current is None or not may_renew(flight.state):
+            return False
+        flown = flown_return(flight.state, stored, current)
+        flight.apply(after_return_begun, stored.place, is_landing=stored.is_landing, flown=flown)
+        self._parts.announcer.decide(DecisionKind.RETURN, "its rest is planned", tell="return renewed")
+        return True
 
     async def stop(self) -> None:
         """End the exchange of a return path, because a mission may be handed over."""

@@ -21,10 +21,12 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
+from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
 from companion.safe_files import StateFile, read_file, rename_damaged
 from companion.types.mission import MissionItem
 from companion.types.path import Path
+from companion.types.state import ReturnEnd
 
 _log = logging.getLogger(__name__)
 
@@ -85,9 +87,28 @@ class Checkpoint:
             return 0
         return kept.reached
 
-    def note_reached(self, goals: Places, number: int, boot_s: float = 0.0) -> None:
-        """Store how many goals of a list are reached, and how long the autopilot has run since boot [s]."""
-        kept = {"goals": _rounded(goals), "reached": number, "boot_s": boot_s}
+    @property
+    def return_end(self) -> ReturnEnd | None:
+        """Where the return ends that the service plans, and whether a landing follows; None without one."""
+        kept = _goals_in(self._contents.get(GOALS_END))
+        return None if kept is None else kept.return_end
+
+    def note_progress(self, state: FlightState, boot_s: float) -> None:
+        """Store which goals are reached, and where a return ends that the service plans."""
+        ends = (state.goals[-1].position_enu_m, state.tail_enu_m is not None) if state.is_returning else None
+        goals = state.goals[:-1] if state.is_returning else state.goals
+        self.note_reached([goal.position_enu_m for goal in goals], state.next_goal, boot_s, ends)
+
+    def note_reached(
+        self, goals: Places, number: int, boot_s: float = 0.0, return_end: ReturnEnd | None = None
+    ) -> None:
+        """Store how many goals of a list are reached, and how long the autopilot has run since boot [s].
+
+        In a return that the service plans, all of them are given up, and ``return_end`` is stored.
+        """
+        kept = {"goals": _rounded(goals), "reached": min(number, len(goals)), "boot_s": boot_s}
+        if return_end is not None:
+            kept["return_end"] = [*return_end[0], float(return_end[1])]
         self._keep(GOALS_END, json.dumps(kept).encode("ascii"))
 
     @property
@@ -151,11 +172,12 @@ def _note_failure(path: FilePath, error: OSError) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Goals:
-    """A list of goals, how many are reached, and the autopilot's time since boot then [s]."""
+    """A list of goals, how many are reached, the autopilot's time since boot then [s], and a return's end."""
 
     places: list[tuple[float, ...]]
     reached: int
     boot_s: float
+    return_end: ReturnEnd | None = None
 
 
 def _goals_in(data: bytes | None) -> _Goals | None:
@@ -163,10 +185,21 @@ def _goals_in(data: bytes | None) -> _Goals | None:
     try:
         kept = json.loads((data or b"")[: SIZE_MAX + 1])
         places = [tuple(float(x) for x in place) for place in kept["goals"]]
-        goals = _Goals(places, int(kept["reached"]), float(kept["boot_s"]))
+        goals = _Goals(places, int(kept["reached"]), float(kept["boot_s"]), _return_end_in(kept))
     except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
         return None
     return goals if 0 <= goals.reached <= len(places) and math.isfinite(goals.boot_s) else None
+
+
+def _return_end_in(kept: dict[str, object]) -> ReturnEnd | None:
+    """Return where a return ends; None without one. What is not valid raises ValueError or TypeError."""
+    stored = kept.get("return_end")
+    if not isinstance(stored, list):
+        return None
+    east, north, up, is_landing = (float(value) for value in stored)
+    if not (math.isfinite(east) and math.isfinite(north) and math.isfinite(up)):
+        raise ValueError("a return's end is not finite")
+    return (east, north, up), bool(is_landing)
 
 
 def _flown_in(data: bytes | None) -> tuple[int, Path, float] | None:

@@ -25,6 +25,7 @@ takeover                    :func:`after_takeover`
 mission entered             :func:`after_swap`
 own position                :func:`after_position`
 goals won in a team         :func:`after_auction`
+return that is planned      :func:`after_return_begun`
 ==========================  =============================================================
 """
 
@@ -95,6 +96,8 @@ class FlightState:
         Index of the first goal that is not reached.
     is_on_call : bool
         Whether other members of the team have goals left that this one may win.
+    is_returning : bool
+        Whether the service plans a return that was begun; its end is the last goal.
     flown : FlownPath or None
         The flown path of the service.
     tail_enu_m : tuple of float, or None
@@ -137,6 +140,7 @@ class FlightState:
     goal_items: tuple[int, ...] = ()
     next_goal: int = 0
     is_on_call: bool = False
+    is_returning: bool = False
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
@@ -300,15 +304,12 @@ def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
     if mode is state.mode:
         return state
     if event is ModeEvent.LANDED:
+        goals = (state.rules.goals or state.goals[:-1]) if state.is_returning else state.goals
         return replace(
-            state,
-            mode=mode,
-            next_goal=0,
-            flown=None,
-            tail_enu_m=None,
+            state, mode=mode, goals=goals, is_returning=False, next_goal=0, flown=None, tail_enu_m=None,
             mission_list=after_landing(state.mission_list),
-        )
-    is_back = mode is Mode.ACTIVE and event is ModeEvent.MISSION_FLOWN
+        )  # fmt: skip
+    is_back = mode is Mode.ACTIVE and event in (ModeEvent.MISSION_FLOWN, ModeEvent.RETURN_RENEWED)
     listed = after_pause(state.mission_list) if is_back else state.mission_list
     return replace(state, mode=mode, mission_list=listed)
 
@@ -347,13 +348,9 @@ def after_heartbeat(state: FlightState, heartbeat: Heartbeat) -> FlightState:
     if state.flies_by is flies_by and state.autopilot_mode == heartbeat.mode:
         return state
     return replace(
-        state,
-        flies_by=flies_by,
-        autopilot_mode=heartbeat.mode,
-        motion=heartbeat.motion,
-        is_failsafe=heartbeat.is_failsafe,
-        target_enu_m=None,
-    )
+        state, flies_by=flies_by, autopilot_mode=heartbeat.mode, motion=heartbeat.motion,
+        is_failsafe=heartbeat.is_failsafe, target_enu_m=None,
+    )  # fmt: skip
 
 
 def after_target_reported(state: FlightState, target: SteeringTarget) -> FlightState:
@@ -396,16 +393,12 @@ def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """Return the state with another mission file; a changed list of goals begins at its first."""
     rules = rules_of(mission, state.rules.fences, state.settings)
     goals, next_goal = state.goals, state.next_goal
-    if not (mission.goals_from_autopilot or mission.shares_goals) and rules.goals != goals:
+    has_own = mission.goals_from_autopilot or mission.shares_goals or state.is_returning
+    if not has_own and rules.goals != goals:
         goals, next_goal = rules.goals, 0
     is_other = mission.goals != state.mission.goals
-    return replace(
-        state,
-        rules=rules,
-        goals=goals,
-        next_goal=next_goal,
-        mission_list=after_other_goals(state.mission_list) if is_other else state.mission_list,
-    )
+    listed = after_other_goals(state.mission_list) if is_other else state.mission_list
+    return replace(state, rules=rules, goals=goals, next_goal=next_goal, mission_list=listed)
 
 
 def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
@@ -427,13 +420,9 @@ def after_list_adopted(
 
 def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> FlightState:
     """Return the state with the operator's waypoints as goals; in the plane, at the mission's level."""
-    return replace(
-        state,
-        goals=tuple(state.region_at(goal.position_enu_m) for goal in goals),
-        actions=tuple(goal.actions for goal in goals),
-        goal_items=tuple(goal.sequence for goal in goals),
-        next_goal=0,
-    )
+    regions = tuple(state.region_at(goal.position_enu_m) for goal in goals)
+    actions, items = tuple(goal.actions for goal in goals), tuple(goal.sequence for goal in goals)
+    return replace(state, goals=regions, actions=actions, goal_items=items, next_goal=0)
 
 
 def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> FlightState:
@@ -441,6 +430,17 @@ def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> F
     goals = (*state.goals[: state.next_goal], *(state.rules.goals[number] for number in won))
     is_on_call = not is_over and (not goals or state.tail_enu_m is None)
     return replace(state, goals=goals, is_on_call=is_on_call)
+
+
+def after_return_begun(
+    state: FlightState, place: GoalRegion, *, is_landing: bool, flown: FlownPath | None = None
+) -> FlightState:
+    """Return the state with the end of a return as the only goal left; a landing may follow there."""
+    tail = state.tail_enu_m if is_landing else None
+    return replace(
+        state, is_returning=True, goals=(*state.goals, place), next_goal=len(state.goals), tail_enu_m=tail,
+        flown=flown or state.flown,
+    )  # fmt: skip
 
 
 def after_takeover(state: FlightState, sequence: int) -> FlightState:

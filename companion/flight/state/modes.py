@@ -12,7 +12,8 @@ follows the goal is the operator's, unless the engine stops and the mission file
 If the autopilot falls silent while the service is active, the service waits in ``LOST``. If the autopilot
 returns in another flight mode, the pilot has taken over meanwhile. A mission that another station uploads in
 flight is not replaced, and neither is an item that another station selects: the service is ``YIELDED`` until
-the pilot leaves the mission mode, which is also the first step of a handback.
+the pilot leaves the mission mode, which is also the first step of a handback. A return to launch that follows
+the service's return path is left alone, too, unless ``authority.renew_return`` lets it plan the rest.
 
 =============  ==================  =============
 state          event               next state
@@ -28,6 +29,7 @@ ACTIVE         mission not flown   SUSPENDED
 ACTIVE         goal reached        ARRIVED
 ACTIVE         foreign mission     YIELDED
 ACTIVE         return path flown   YIELDED
+YIELDED        return renewed      ACTIVE
 ACTIVE         autopilot silent    LOST
 ACTIVE         landed              STANDBY
 LOST           mission flown       ACTIVE
@@ -77,6 +79,7 @@ class ModeEvent(Enum):
     AUTOPILOT_SILENT = "autopilot silent"
     OTHER_MISSION = "foreign mission"
     RETURN_FLOWN = "return path flown"
+    RETURN_RENEWED = "return renewed"
     LANDED = "landed"
 
 
@@ -93,6 +96,7 @@ _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.ARRIVED, ModeEvent.GLIDE_BEGUN): Mode.ACTIVE,
     (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
     (Mode.ACTIVE, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
+    (Mode.YIELDED, ModeEvent.RETURN_RENEWED): Mode.ACTIVE,
     (Mode.ACTIVE, ModeEvent.AUTOPILOT_SILENT): Mode.LOST,
     (Mode.LOST, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
     (Mode.LOST, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,

@@ -252,13 +252,18 @@ class App:
         self._reported_landed = phase.is_over(now)
 
     def _follow(self, position: MissionPosition) -> None:
-        """Leave a mission alone that continues after the goal, or at another station's item."""
-        if position is MissionPosition.PAST_GOAL:
+        """Leave a mission alone that continues after the goal, elsewhere, or on the return path."""
+        if position is MissionPosition.PAST_GOAL and not self.state.is_returning:
             self.change(ModeEvent.GOAL_REACHED)
         elif position is MissionPosition.ELSEWHERE:
             self.change(ModeEvent.OTHER_MISSION)
         elif position is MissionPosition.RETURNING and self.state.motion is Motion.MISSION:
+            if self.state.is_returning:
+                return
             self.change(ModeEvent.RETURN_FLOWN)
+            if self.mode is Mode.YIELDED and self._way_home.renew_rest():
+                self._checkpoint.note_progress(self.state, self._boot_s or 0.0)
+                self.change(ModeEvent.RETURN_RENEWED)
 
     def change(self, event: ModeEvent) -> None:
         """Apply an event to the table of modes; announce a change of the mode."""
@@ -434,11 +439,7 @@ class App:
 
     def _note_link(self, now: float) -> None:
         """Record the state of the link, and announce once if the recording has ended."""
-        status = {
-            "mode": self.mode.value,
-            "autopilot_mode": self.autopilot_mode,
-            **self.link.status(),
-        }
+        status = {"mode": self.mode.value, "autopilot_mode": self.autopilot_mode, **self.link.status()}
         self.recorder.link(now, status)
         self._record_status()
         if self.recorder.failure and not self._reported_failure and self.link.has_received:
@@ -475,8 +476,7 @@ class App:
         before = self.state.next_goal
         state = self._flight.apply(after_position, ownship)
         if state.next_goal != before:
-            places = [goal.position_enu_m for goal in state.goals]
-            self._checkpoint.note_reached(places, state.next_goal, self._boot_s or 0.0)
+            self._checkpoint.note_progress(self.state, self._boot_s or 0.0)
         if state.has_arrived:
             self.change(ModeEvent.GOAL_REACHED)
 

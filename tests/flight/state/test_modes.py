@@ -27,6 +27,7 @@ ROWS = {
     (Mode.LOST, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.YIELDED, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.YIELDED, ModeEvent.LANDED): Mode.STANDBY,
+    (Mode.YIELDED, ModeEvent.RETURN_RENEWED): Mode.ACTIVE,
     (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN): Mode.ACTIVE,
     (Mode.SUSPENDED, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     (Mode.SUSPENDED, ModeEvent.LANDED): Mode.STANDBY,
