@@ -78,10 +78,10 @@ class Path:
         """Return the path from a row on."""
         return replace(self, **{name: getattr(self, name)[row:] for name in _ROWS})
 
-    def followed_by(self, path: Path) -> Path:
-        """Return this path and another, whose first row is the last row of this path."""
+    def followed_by(self, path: Path, *, shares_row: bool = True) -> Path:
+        """Return this path and another; with ``shares_row`` its first row is the last row of this path."""
         joined: dict[str, Any] = {
-            name: np.concatenate([getattr(self, name), getattr(path, name)[1:]]) for name in _ROWS
+            name: np.concatenate([getattr(self, name), getattr(path, name)[shares_row:]]) for name in _ROWS
         }
         return replace(path, **joined)
 

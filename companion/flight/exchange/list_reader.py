@@ -115,12 +115,10 @@ class ListReader:
             self._flight.apply_to_list(after_found_flown, layout)
             self._recover(read, span)
             reached = self._checkpoint.reached([goal.position_enu_m for goal in self._flight.state.goals])
-            state, end = (
-                self._flight.apply(after_restart, num_goals_reached=reached),
-                self._checkpoint.return_end,
-            )
-            if end is not None and reached == len(state.goals):
-                self._flight.apply(after_return_begun, state.region_at(end[0]), is_landing=end[1])
+            state = self._flight.apply(after_restart, num_goals_reached=reached)
+            if (end := self._checkpoint.return_end) is not None and reached == len(state.goals):
+                place = state.region_at(end[0])
+                self._flight.apply(after_return_begun, place, state.flown, is_landing=end[1])
             text = f"the autopilot flies a mission of ours; {reached} goals reached"
             self._announcer.decide(DecisionKind.RESTART, text, tell="restarted")
         return ListReadResult.OURS if is_first else ListReadResult.FOREIGN

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from companion.flight.construction.cycle import rally_points_near
 from companion.flight.construction.way_on import landing_region
 from companion.flight.prediction.return_mission import ReturnMission
@@ -15,6 +17,7 @@ from companion.mission.return_bank import RETURN_ITEMS
 from companion.planning.problem import GoalRegion
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, Mission
+from companion.types.state import Ownship
 
 
 def is_return_wanted(state: FlightState) -> bool:
@@ -78,13 +81,19 @@ def may_renew(state: FlightState) -> bool:
     return is_known and state.mission.authority.renew_return and not state.mission.shares_goals
 
 
-def flown_return(state: FlightState, stored: ReturnMission, current: MissionCurrent) -> FlownPath:
-    """Return the return path as the flown path.
+def flown_return(
+    state: FlightState, ownship: Ownship, stored: ReturnMission, current: MissionCurrent
+) -> FlownPath | None:
+    """Return the return path as the flown path; None if the rest of it does not pass the check of a plan.
+
+    A return path may turn sooner behind the flown part than a plan would.
 
     Parameters
     ----------
     state : FlightState
-        The autopilot's list.
+        The autopilot's list, and the rules.
+    ownship : Ownship
+        The aircraft now.
     stored : ReturnMission
         The return path, which is in the list.
     current : MissionCurrent
@@ -93,4 +102,8 @@ def flown_return(state: FlightState, stored: ReturnMission, current: MissionCurr
     first = 0 if state.mission_list.layout is None else state.mission_list.layout.return_span[0]
     entry = current.sequence - (current.sequence - first) % RETURN_ITEMS
     mission = Mission(state.mission_list.stored, entry, 0)
-    return FlownPath(stored.path, mission, float(stored.path.times_s[-1]))
+    away = np.linalg.norm(stored.path.positions_enu_m - ownship.position_enu_m, axis=1)
+    row = min(int(away.argmin()), len(stored.path) - 2)
+    if state.violations_to(stored.place, stored.path.since(row)):
+        return None
+    return FlownPath(stored.path, mission, float(stored.path.times_s[-1]), row)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -121,10 +122,11 @@ class WayHome:
     def renew_rest(self) -> bool:
         """Let the service plan the rest of a return that follows the stored path; return whether it does."""
         flight, stored, current = self._parts.flight, self.stored, self._parts.handover.reader.current
-        if stored is None or current is None or not may_renew(flight.state):
+        ownship = self._parts.world_model.ownship.state(self._parts.clock.now_s())
+        if stored is None or current is None or ownship is None or not may_renew(flight.state):
             return False
-        flown = flown_return(flight.state, stored, current)
-        flight.apply(after_return_begun, stored.place, is_landing=stored.is_landing, flown=flown)
+        flown = flown_return(flight.state, ownship, stored, current)
+        flight.apply(after_return_begun, stored.place, flown, is_landing=stored.is_landing)
         self._parts.announcer.decide(DecisionKind.RETURN, "its rest is planned", tell="return renewed")
         return True
 
@@ -199,6 +201,11 @@ def _concluded(
     if plan.path is None or not plan.reaches_goal:
         return None
     away = np.linalg.norm(flown.positions_enu_m - plan.path.positions_enu_m[0], axis=1)
-    out = flown.until(int(np.argmin(away)))
-    path = out.followed_by(plan.path)
+    row = max(int(np.argmin(away)) - 1, 0)
+    out, times_s = flown.until(row), flown.times_s
+    row_m = float(np.linalg.norm(flown.positions_enu_m[row + 1] - flown.positions_enu_m[row]))
+    # The aircraft flies a little faster or slower than its path says, but the path's times have no gap.
+    begins_s = times_s[row] + (times_s[row + 1] - times_s[row]) * away[row] / row_m
+    planned = replace(plan.path, times_s=plan.path.times_s - plan.path.times_s[0] + begins_s)
+    path = out.followed_by(planned, shares_row=False)
     return return_mission(state, ownship, path, float(out.travelled_m[-1]), place, is_landing=is_landing)

@@ -433,13 +433,13 @@ def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> F
 
 
 def after_return_begun(
-    state: FlightState, place: GoalRegion, *, is_landing: bool, flown: FlownPath | None = None
+    state: FlightState, place: GoalRegion, flown: FlownPath | None, *, is_landing: bool
 ) -> FlightState:
     """Return the state with the end of a return as the only goal left; a landing may follow there."""
     tail = state.tail_enu_m if is_landing else None
     return replace(
         state, is_returning=True, goals=(*state.goals, place), next_goal=len(state.goals), tail_enu_m=tail,
-        flown=flown or state.flown,
+        flown=flown,
     )  # fmt: skip
 
 
