@@ -143,8 +143,7 @@ TEXTS = {
         "mission mode again.",
     ),
     "return set": PilotText(
-        "return", Severity.NOTICE,
-        "{name} set to {value}, was {before}",
+        "return", Severity.NOTICE, "{name} set to {value}, was {before}",
         "The mission file has `authority.set_return`, and the planner has set the parameter with which a "
         "return to launch follows a checked path.",
         "Set it back after the flight if other flights need the old value.",
@@ -313,6 +312,10 @@ TEXTS = {
         "The last goal was reached.",
         "Land as planned, or take over.",
     ),
+    "return ended": PilotText(
+        "arrived", Severity.NOTICE, "At the end of the return, planner is done",
+        "A return whose rest the planner has planned has come to the landing, or over home.", NOTHING,
+    ),
     "goals missed": PilotText(
         "arrived", Severity.WARNING,
         "At the last goal, {number} before it not reached",
@@ -461,8 +464,7 @@ TEXTS = {
 SUBJECTS = {
     "unsafe path": "path", "unsafe": "path", "take over": "path", "wind": "path",
     "paused": "mode", "flying": "mode", "other item": "mode", "contradiction": "mode", "silent": "mode",
-    "failsafe": "mode", "returning": "mode", "arrived": "mode",
-    "goals missed": "mode",
+    "failsafe": "mode", "returning": "mode", "arrived": "mode", "goals missed": "mode",
     "return path": "return", "return straight": "return", "return unsafe": "return", "return safe": "return",
     "meets": "ahead", "meets nothing": "ahead",
     "no thrust": "engine", "thrust": "engine", "glide": "glide", "no field": "glide", "final": "glide",

@@ -58,6 +58,7 @@ def test_a_return_that_is_left_alone_crosses_the_fence_and_one_that_is_renewed_f
     has_landed_at(renewed, RUNWAY)
     texts = [message.text for _, message in renewed.said("STATUSTEXT")]
     assert texts.count("Planner plans the rest of the return") == 1
+    assert texts.count("At the end of the return, planner is done") == 1
 
 
 def test_a_return_joins_the_return_path_without_turning_about():

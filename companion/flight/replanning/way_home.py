@@ -49,8 +49,9 @@ LOOK_S = 2.0  # Period with which the return path is judged.
 # The return path follows the flown path for one of these times, the first that does, and then turns back. Up
 # to there a return that begins on the flown path joins it without a turn.
 AHEAD_S = (20.0, 10.0, 30.0, 5.0)
-RENEWED_S = 12.0  # A return path is renewed when it covers the flown path for less than this time,
-AHEAD_MIN_S = 4.0  # or when a return that begins in this time would turn about to join it.
+# A return path is renewed when it covers the flown path for less than the first time; also, that long after
+# the last one, when a return that begins in the second time would turn about to join it.
+RENEWED_S, AHEAD_MIN_S = 12.0, 4.0
 # After a return path could not be made or stored, it is tried again after this time; after `LOOK_S` if the
 # stored one ends sooner.
 AGAIN_S = 6.0
@@ -78,7 +79,7 @@ class WayHome:
         self._parts, self._energy = parts, energy
         self._exchange = ReturnExchange(parts.handover.protocols.parts)
         self._storing: asyncio.Task[None] | None = None
-        self._next_s = -math.inf
+        self._next_s = self._ahead_until_s = -math.inf
         self._judged: Path | None = None
         self._num_failures = 0
         self.stored: ReturnMission | None = None
@@ -96,11 +97,11 @@ class WayHome:
         if ownship is None or not self._is_due(state, now):
             return
         self._next_s, self._judged = now + LOOK_S, None if state.flown is None else state.flown.path
-        stored = state.mission_list.stored
-        covers_s = covered_s(state, ownship, stored)
-        if covers_s >= RENEWED_S and not turns_about(state, ownship, stored, AHEAD_MIN_S):
+        covers_s = covered_s(state, ownship, state.mission_list.stored)
+        if covers_s >= RENEWED_S and self._is_ahead(state, ownship, now):
             self._energy.note_last_way_home(math.inf)
             return
+        self._ahead_until_s = now + RENEWED_S
         found = await self._planned(state, ownship)
         self._next_s = parts.clock.now_s() + (LOOK_S if 0.0 < covers_s <= AGAIN_S else AGAIN_S)
         if found is None:
@@ -110,6 +111,12 @@ class WayHome:
         self._energy.note_last_way_home(now + covers_s if is_last else math.inf)
         if not is_last and parts.flight.state.may_act:
             self._storing = asyncio.create_task(self._store(found))
+
+    def _is_ahead(self, state: FlightState, ownship: Ownship, now_s: float) -> bool:
+        """Return whether a return joins the return path without turning about, or a new one is recent."""
+        return now_s < self._ahead_until_s or not turns_about(
+            state, ownship, state.mission_list.stored, AHEAD_MIN_S
+        )
 
     def _is_due(self, state: FlightState, now_s: float) -> bool:
         """Return whether the return path is to be judged: once in a while, or since another path is flown."""

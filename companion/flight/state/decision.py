@@ -76,6 +76,23 @@ MODE_ANNOUNCEMENTS = {  # Kind, recorded words and pilot's text of entering a mo
 }
 
 
+def arrival_words(state: FlightState) -> tuple[str, str]:
+    """Return the recorded words of an arrival, and the key of the pilot's text.
+
+    Parameters
+    ----------
+    state : FlightState
+        The goals, and whether the last one is the end of a return.
+    """
+    _, words, tell = MODE_ANNOUNCEMENTS[Mode.ARRIVED]
+    if state.is_returning:
+        return "at the end of the return", "return ended"
+    num_missed = len(state.goals_left[:-1])
+    return (
+        (f"{words}, but {num_missed} before it not reached", "goals missed") if num_missed else (words, tell)
+    )
+
+
 class Verdict(Enum):
     """The judgement of a plan; those that replace the flown plan come first."""
 

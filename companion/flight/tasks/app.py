@@ -13,7 +13,7 @@ from companion.assurance.emergency import EmergencyStep
 from companion.config import MissionConfig
 from companion.config.parameters.pilot_parameters import ENABLE, Sender
 from companion.flight.messages.link_watch import LinkWatch
-from companion.flight.state.decision import MODE_ANNOUNCEMENTS, DecisionKind
+from companion.flight.state.decision import MODE_ANNOUNCEMENTS, DecisionKind, arrival_words
 from companion.flight.state.flight_state import (
     FlightState,
     after_armed_reported,
@@ -293,8 +293,8 @@ class App:
 
     def _words_of(self, mode: Mode, words: str, tell: str) -> tuple[str, str]:
         """Return the recorded words of entering a mode, and the key of the pilot's text."""
-        if mode is Mode.ARRIVED and (num_missed := len(self.state.goals_left[:-1])):
-            return f"{words}, but {num_missed} before it not reached", "goals missed"
+        if mode is Mode.ARRIVED:
+            return arrival_words(self.state)
         if mode not in (Mode.SUSPENDED, Mode.YIELDED):
             return words, tell
         if self.replanning.handover.reader.position is MissionPosition.RETURNING:
