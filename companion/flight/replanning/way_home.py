@@ -205,14 +205,14 @@ def _concluded(
     state: FlightState, ownship: Ownship, flown: Path, place: GoalRegion, plan: Plan, *, is_landing: bool
 ) -> ReturnMission | None:
     """Return a plan, behind a part of the flown path, as a return path; None if it does not reach its end."""
-    if plan.path is None or not plan.reaches_goal:
+    if plan.path is None or not plan.reaches_goal or len(flown) < 2:
         return None
     away = np.linalg.norm(flown.positions_enu_m - plan.path.positions_enu_m[0], axis=1)
     row = max(int(np.argmin(away)) - 1, 0)
     out, times_s = flown.until(row), flown.times_s
     row_m = float(np.linalg.norm(flown.positions_enu_m[row + 1] - flown.positions_enu_m[row]))
     # The aircraft flies a little faster or slower than its path says, but the path's times have no gap.
-    begins_s = times_s[row] + (times_s[row + 1] - times_s[row]) * away[row] / row_m
+    begins_s = times_s[row] + (times_s[row + 1] - times_s[row]) * away[row] / max(row_m, 1.0)
     planned = replace(plan.path, times_s=plan.path.times_s - plan.path.times_s[0] + begins_s)
     path = out.followed_by(planned, shares_row=False)
     return return_mission(state, ownship, path, float(out.travelled_m[-1]), place, is_landing=is_landing)
