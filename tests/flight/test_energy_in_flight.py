@@ -88,7 +88,10 @@ def test_what_is_left_and_needed_is_recorded_and_drawn(worn):
     record = harness.recorder.record({})
     at_turn = np.argmin(np.abs(record.energy[:, 0] - outcome.turned_s))
     _, left_wh, needed_wh = record.energy[at_turn]
-    assert left_wh == pytest.approx(needed_wh, abs=4.0)
+    turn = next(entry for entry in harness.recorder.decisions if entry.told == "Battery: turning back now")
+    assert left_wh - needed_wh == pytest.approx(turn.why["margin_wh"], abs=0.01)
+    assert turn.why["margin_wh"] > 0.0
+    assert turn.why["turn_back_in_s"] <= 5.0
     assert np.all(np.diff(record.energy[:, 1]) <= 0.01 * outcome.capacity_wh)
     figure = energy_chart(record, flight_start(record))
     assert [line.get_label() for line in figure.axes[0].lines][:2] == [

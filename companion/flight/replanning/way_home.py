@@ -104,12 +104,15 @@ class WayHome:
         self._ahead_until_s = now + RENEWED_S
         found = await self._planned(state, ownship)
         self._next_s = parts.clock.now_s() + (LOOK_S if 0.0 < covers_s <= AGAIN_S else AGAIN_S)
-        if found is None:
-            return
-        left = self._energy.now(parts.clock.now_s())
-        is_last = covers_s > 0.0 and not affords(state, ownship, with_bank(state, found.bank), left)
-        self._energy.note_last_way_home(now + covers_s if is_last else math.inf)
-        if not is_last and parts.flight.state.may_act:
+        if found is not None:
+            left = self._energy.now(parts.clock.now_s())
+            is_afforded = covers_s <= 0.0 or affords(state, ownship, with_bank(state, found.bank), left)
+            self._use(found, now + covers_s, is_afforded=is_afforded, is_due=covers_s < RENEWED_S)
+
+    def _use(self, found: ReturnMission, ends_s: float, *, is_afforded: bool, is_due: bool) -> None:
+        """Store a return path that the battery affords; else the stored one is the last, which ends then."""
+        self._energy.note_last_way_home(ends_s if is_due and not is_afforded else math.inf)
+        if is_afforded and self._parts.flight.state.may_act:
             self._storing = asyncio.create_task(self._store(found))
 
     def _is_ahead(self, state: FlightState, ownship: Ownship, now_s: float) -> bool:
