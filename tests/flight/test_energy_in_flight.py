@@ -32,6 +32,11 @@ def told(harness):
     ]
 
 
+def turn_of(harness):
+    """The decision to turn back."""
+    return next(entry for entry in harness.recorder.decisions if entry.told == "Battery: turning back now")
+
+
 @pytest.fixture(scope="module")
 def worn():
     harness, outcome = worn_flight(SHORT)
@@ -51,7 +56,7 @@ def test_the_way_home_costs_no_more_than_was_predicted_and_not_much_less(worn):
     times as fast as modelled, on the descent home 1.7 times.
     """
     harness, outcome = worn
-    turn = next(entry for entry in harness.recorder.decisions if entry.told == "Battery: turning back now")
+    turn = turn_of(harness)
     rows = harness.recorder.record({}).energy
     at_turn_wh = float(np.interp(outcome.turned_s, rows[:, 0], rows[:, 1]))
     used_wh = at_turn_wh - outcome.left_wh + 8.0
@@ -88,7 +93,7 @@ def test_what_is_left_and_needed_is_recorded_and_drawn(worn):
     record = harness.recorder.record({})
     at_turn = np.argmin(np.abs(record.energy[:, 0] - outcome.turned_s))
     _, left_wh, needed_wh = record.energy[at_turn]
-    turn = next(entry for entry in harness.recorder.decisions if entry.told == "Battery: turning back now")
+    turn = turn_of(harness)
     assert left_wh - needed_wh == pytest.approx(turn.why["margin_wh"], abs=0.01)
     assert turn.why["margin_wh"] > 0.0
     assert turn.why["turn_back_in_s"] <= 5.0

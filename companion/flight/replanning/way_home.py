@@ -107,9 +107,13 @@ class WayHome:
         if found is not None:
             left = self._energy.now(parts.clock.now_s())
             is_afforded = covers_s <= 0.0 or affords(state, ownship, with_bank(state, found.bank), left)
-            self._use(found, now + covers_s, is_afforded=is_afforded, is_due=covers_s < RENEWED_S)
+            self._store_if_afforded(
+                found, now + covers_s, is_afforded=is_afforded, is_due=covers_s < RENEWED_S
+            )
 
-    def _use(self, found: ReturnMission, ends_s: float, *, is_afforded: bool, is_due: bool) -> None:
+    def _store_if_afforded(
+        self, found: ReturnMission, ends_s: float, *, is_afforded: bool, is_due: bool
+    ) -> None:
         """Store a return path that the battery affords; else the stored one is the last, which ends then."""
         self._energy.note_last_way_home(ends_s if is_due and not is_afforded else math.inf)
         if is_afforded and self._parts.flight.state.may_act:

@@ -87,10 +87,9 @@ def arrival_words(state: FlightState) -> tuple[str, str]:
     _, words, tell = MODE_ANNOUNCEMENTS[Mode.ARRIVED]
     if state.is_returning:
         return "at the end of the return", "return ended"
-    num_missed = len(state.goals_left[:-1])
-    return (
-        (f"{words}, but {num_missed} before it not reached", "goals missed") if num_missed else (words, tell)
-    )
+    if num_missed := len(state.goals_left[:-1]):
+        return f"{words}, but {num_missed} before it not reached", "goals missed"
+    return words, tell
 
 
 class Verdict(Enum):
