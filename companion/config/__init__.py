@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from companion.config.compose import world_of
-    from companion.config.load import load_mission, mission_from_text, mission_text, require_goals
+    from companion.config.load import (
+        load_mission,
+        mission_from_text,
+        mission_text,
+        require_goals,
+        require_own_system,
+    )
     from companion.config.models import (
         Bounds,
         DynamicThreatConfig,
@@ -51,6 +57,7 @@ __all__ = [
     "mission_from_text",
     "mission_text",
     "require_goals",
+    "require_own_system",
     "world_of",
 ]
 _MODULES = {
@@ -60,6 +67,7 @@ _MODULES = {
     "mission_from_text": "load",
     "mission_text": "load",
     "require_goals": "load",
+    "require_own_system": "load",
     "world_of": "compose",
 }  # The other names are those of ``models``.
 

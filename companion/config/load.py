@@ -149,3 +149,19 @@ def require_goals(config: MissionConfig, file: str) -> None:
     """
     if config.goals_from_autopilot:
         raise ConfigError(file, None, "goals", "from_autopilot", "a list of goals: no autopilot is asked")
+
+
+def require_own_system(config: MissionConfig, file: str) -> None:
+    """Check that a team's mission file names the own autopilot, since radios bring heartbeats of the others.
+
+    Raises
+    ------
+    ConfigError
+        If there is a team, and ``link.vehicle_system_id`` is none of its members.
+    """
+    members, own = config.team_members, config.link.vehicle_system_id
+    if members and own not in members:
+        listed = ", ".join(str(member) for member in members)
+        found = "nothing" if own is None else str(own)
+        expected = f"the own autopilot's of team.members, {listed}: those of others are received, too"
+        raise ConfigError(file, None, "link.vehicle_system_id", found, expected)

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import sim.sitl
+from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
 from companion.flight.exchange import announced_plan
 from companion.flight.exchange.announced_plan import WAITS_S
@@ -38,6 +40,21 @@ def test_two_that_fly_towards_each_other_agree_to_pass_apart(dialect):
     for flight in team.flights:
         assert flight.app.replanning.team.agreement.committed is not None
         assert not any("heard, too" in decision.text for decision in flight.recorder.decisions)
+
+
+class CreepingClock(ManualClock):
+    """A clock that goes on while the service works, as that of every computer: a microsecond a reading."""
+
+    def now_s(self):
+        self._now_s += 1e-6
+        return self._now_s
+
+
+def test_a_plan_is_proposed_while_time_passes(monkeypatch):
+    monkeypatch.setattr(sim.sitl, "ManualClock", CreepingClock)
+    team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.2)
+    assert sorted(team.arrived_s) == [1, 2]
+    assert team.is_separate
 
 
 @pytest.mark.thorough

@@ -60,6 +60,24 @@ def circle_of(
     return (place[0], place[1], place[2] if math.isfinite(place[2]) else up_m), radius
 
 
+def end_circle(state: FlightState, up_m: float) -> tuple[tuple[float, float, float], float] | None:
+    """Return centre and radius, positive clockwise [m], of the circle in which the flown mission ends.
+
+    The result is None if no mission of the service is flown, or if it does not end in a circle.
+
+    Parameters
+    ----------
+    state : FlightState
+        The flown path and its list.
+    up_m : float
+        Height for a circle of unknown height [m].
+    """
+    flown, layout = state.flown, state.mission_list.layout
+    if flown is None or layout is None:
+        return None
+    return circle_of(state, (layout.flown or flown.mission.items)[-1], up_m)
+
+
 def landing_circle(state: FlightState) -> tuple[tuple[float, float, float], float] | None:
     """Return centre and radius, positive clockwise [m], of the circle with which the landing begins.
 

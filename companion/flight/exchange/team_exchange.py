@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.clock import Clock
+from companion.config.sections.team_section import TeamConfig
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait
 from companion.flight.messages.announcer import Announcer
@@ -32,6 +33,7 @@ from companion.mission.team.member_tracks import (
 from companion.mission.team.shared_plan import SharedPlan, entering_circle
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import ClockReported, TeamMessage
+from companion.types.state import Ownship
 from companion.types.threat import TrackState
 
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
@@ -189,31 +191,30 @@ class TeamExchange:
         constructed : ConstructedMission
             The mission that is to be entered.
         """
-        agreement, ahead_s = self.agreement, self._utc.ahead_s
-        self._is_asking = False
-        if agreement is None or ahead_s is None:
-            return ""
-        utc_s = self._clock.now_s() + ahead_s
-        plan = self._plan_of(constructed, agreement.member, ahead_s)
-        if plan is None:
-            return ""
+        agreement, config, ahead_s = self.agreement, self._flight.state.mission.team, self._utc.ahead_s
         ownship = self._ownship.state(self._clock.now_s())
-        if ownship is not None and not can_wait(self._flight.state, ownship, self._link.autopilot.current):
+        self._is_asking = False
+        if agreement is None or config is None or ahead_s is None or ownship is None:
+            return ""
+        plan = self._plan_of(constructed, ownship, config, ahead_s)
+        if not can_wait(self._flight.state, ownship, self._link.autopilot.current):
             agreement.announce(plan)
             return ""
         self._is_asking = True
         # The autopilot's direction may have become known since. It cannot be announced during a proposal.
-        self._announce(agreement, utc_s, anew=self._flight.state.flown is None)
-        if agreement.propose(plan, utc_s, constructed.start.state.stamp_s + ahead_s) is None:
+        self._announce(agreement, plan.start_s, anew=self._flight.state.flown is None)
+        if agreement.propose(plan, plan.start_s, constructed.start.state.stamp_s + ahead_s) is None:
             return f"the path of system {_listed(agreement.refused_by)}"
         return ""
 
-    def _plan_of(self, constructed: ConstructedMission, member: int, ahead_s: float) -> SharedPlan | None:
-        """Return what is flown from now on: the flown path up to the start, the mission, and its circle."""
-        config, now_s = self._flight.state.mission.team, self._clock.now_s()
-        ownship, flown = self._ownship.state(now_s), self._flight.state.flown
-        if config is None or ownship is None:
-            return None
+    def _plan_of(
+        self, constructed: ConstructedMission, ownship: Ownship, config: TeamConfig, ahead_s: float
+    ) -> SharedPlan:
+        """Return what is flown from now on: the flown path up to the start, the mission, and its circle.
+
+        The agreement fills in its member and number.
+        """
+        now_s, flown = ownship.stamp_s, self._flight.state.flown
         start_s, path = constructed.start.state.stamp_s, constructed.path
         if flown is None:
             before = announced_rows(self._flight.state, ownship, self._link.autopilot.current)
@@ -234,7 +235,7 @@ class TeamExchange:
         rows = entering_circle(rows, radius_m)
         rows[:, 0] += ahead_s
         return SharedPlan(
-            member, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m,
+            0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m,
             is_emergency=constructed.verdict is Verdict.EMERGENCY,
         )  # fmt: skip
 

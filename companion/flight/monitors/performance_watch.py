@@ -12,6 +12,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from companion.flight.construction.loiter_circles import end_circle
 from companion.flight.messages.announcer import Announcer
 from companion.flight.monitors.ground_watch import GroundWatch
 from companion.flight.monitors.traffic_watch import TrafficWatch
@@ -19,7 +20,6 @@ from companion.flight.state.decision import DecisionKind
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState, StateOwner
 from companion.flight.state.modes import Mode
 from companion.flight.state.progress import OFF_HEIGHT_MAX_M
-from companion.flight.state.team_part import is_waiting
 from companion.flight.state.world_model import WorldModel
 from companion.mission.path_progress import progress_on
 from companion.tracking.thrust import ThrustMonitor
@@ -127,9 +127,20 @@ def _ground_in_words(state: FlightState, ownship: Ownship) -> str:
     return f"{height:.0f} m high{down}"
 
 
+def _is_in_end_circle(state: FlightState, ownship: Ownship) -> bool:
+    """Return whether the aircraft is in the circle in which the flown mission ends."""
+    east_m, north_m, up_m = ownship.position_enu_m
+    circle = end_circle(state, up_m)
+    if circle is None:
+        return False
+    (east, north, up), radius_m = circle
+    away_m = math.hypot(east_m - east, north_m - north)
+    return away_m <= abs(radius_m) + OFF_TRACK_M and abs(up_m - up) <= OFF_HEIGHT_MAX_M
+
+
 def _deviation(state: FlightState, ownship: Ownship) -> tuple[str, str]:
     """Return the kind of the aircraft's deviation from its path, and how it deviates; '' if it follows."""
-    if state.flown is None or is_waiting(state):
+    if state.flown is None or _is_in_end_circle(state, ownship):
         return "", ""
     path = state.flown.path
     progress = progress_on(path, ownship.position_enu_m, state.flown.row, SEARCH_ROWS)

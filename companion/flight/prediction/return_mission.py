@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.flight.construction.loiter_circles import circle_of, place_of
+from companion.flight.construction.loiter_circles import end_circle, place_of
 from companion.flight.construction.mission_construction import construct
 from companion.flight.prediction.mode_tracks import state_on
 from companion.flight.prediction.obstacle_ahead import is_clear
@@ -209,8 +209,8 @@ def _returns_clear(state: FlightState, ownship: Ownship, items: Sequence[Mission
 def _track_ahead(state: FlightState, ownship: Ownship) -> FloatArray:
     """Return positions (K, 3) on the flown path from here, and once round the circle at its end [m]."""
     here = np.array([ownship.position_enu_m])
-    flown, layout = state.flown, state.mission_list.layout
-    if flown is None or layout is None:
+    flown = state.flown
+    if flown is None or state.mission_list.layout is None:
         return here
     row = min(flown.row, len(flown.path) - 2)
     begin_s = float(flown.path.times_s[row])
@@ -219,7 +219,7 @@ def _track_ahead(state: FlightState, ownship: Ownship) -> FloatArray:
     places = np.column_stack(
         [np.interp(at, flown.path.times_s, flown.path.positions_enu_m[:, axis]) for axis in range(3)]
     )
-    circle = circle_of(state, (layout.flown or flown.mission.items)[-1], ownship.position_enu_m[2])
+    circle = end_circle(state, ownship.position_enu_m[2])
     if circle is None or ahead_s >= COVERED_MAX_S or len(places) < 3:
         return places
     entered = state_on(places, len(places) - 2, ownship)

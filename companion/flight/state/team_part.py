@@ -54,11 +54,6 @@ def is_available(state: FlightState) -> bool:
     return state.mode in AVAILABLE
 
 
-def is_waiting(state: FlightState) -> bool:
-    """Return whether a member has reached its goals, and circles while others have some left."""
-    return state.is_on_call and state.next_goal == len(state.goals)
-
-
 def reached_goals(state: FlightState) -> tuple[int, ...]:
     """Return the numbers of the mission file's goals that this member has reached, from 0."""
     listed = state.rules.goals

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.clock import WallClock
-from companion.config import load_mission
+from companion.config import load_mission, require_own_system
 from companion.errors import LinkError
 from companion.link.wire.transport import transport_from_url
 from companion.plain_text import printable
@@ -41,6 +41,8 @@ async def run_checks(
     """
     clock = WallClock()
     mission = None if file is None else load_mission(file)
+    if mission is not None:
+        require_own_system(mission, str(file))
     transport = None if url is None else transport_from_url(url, clock)
     findings = local_findings(mission, url, flights)
     is_silent = False

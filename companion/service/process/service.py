@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from companion.clock import Clock, WallClock
-from companion.config import MissionConfig, mission_from_text, mission_text
+from companion.config import MissionConfig, mission_from_text, mission_text, require_own_system
 from companion.config.reload import prepared_mission
 from companion.errors import CompanionError, ConfigError
 from companion.flight.tasks.app import App
@@ -74,6 +74,7 @@ class Service:
         self._flights_max_bytes = flights_max_bytes
         self._text = mission_text(file)
         self._mission = mission_from_text(self._text, str(file))
+        require_own_system(self._mission, str(file))
         self._clock = clock or WallClock()
         self._line = line or transport_from_url(url, self._clock)
         self._begun_s = self._clock.now_s()
@@ -217,6 +218,7 @@ class Service:
             try:
                 fences = self.app.state.rules.fences
                 mission, text = await in_thread(prepared_mission, self._mission, self._file, fences)
+                require_own_system(mission, str(self._file))
                 _check_budget(mission, self._file, self._watchdog_s)
             except ConfigError as error:
                 _log.error("not reloaded: %s", error)

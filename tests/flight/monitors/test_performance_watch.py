@@ -9,7 +9,9 @@ from companion.flight.monitors.performance_watch import LASTS_S, PerformanceWatc
 from companion.flight.state.flight_phase import FlightPhase
 from companion.flight.state.flight_state import StateOwner
 from companion.flight.state.modes import Mode
-from companion.types.mavlink_enums import LandedState
+from companion.mission.list_layout import new_banks
+from companion.types.mavlink_enums import LandedState, MavFrame
+from companion.types.mission import Command, Mission, MissionItem
 from tests.flight.construction.test_cycle import OPEN, begun, flying, state, straight
 
 # The path leads east at 25 m/s and 100 m.
@@ -37,7 +39,24 @@ class Watched:
         self.said, self.here = [], None
         announcer = SimpleNamespace(decide=lambda kind, text, **_: self.said.append((kind.value, text)))
         world = SimpleNamespace(ownship=SimpleNamespace(state=lambda _: self.here))
-        self.watch = PerformanceWatch(StateOwner(made), world, announcer)
+        self.flight = StateOwner(made)
+        self.watch = PerformanceWatch(self.flight, world, announcer)
+
+    def end_in_circle(self, centre_m, radius_m, row):
+        """Have the flown mission end in a circle, and the aircraft past a row of its path."""
+        now, frame = self.flight.state, self.flight.state.mission.frame
+        latitude, longitude, _ = frame.global_from_local(*centre_m)
+        circle = MissionItem(
+            0, Command.NAV_LOITER_UNLIM, MavFrame.GLOBAL_RELATIVE_ALT_INT, (0.0, 0.0, radius_m, None),
+            round(1e7 * latitude), round(1e7 * longitude), centre_m[2],
+        )  # fmt: skip
+        made = replace(
+            now, flown=replace(now.flown, mission=Mission((circle,), 1, 1), row=row),
+            mission_list=replace(
+                now.mission_list, layout=new_banks((circle,), 3), home_amsl_m=frame.altitude_amsl_m
+            ),
+        )  # fmt: skip
+        self.flight.apply(lambda _: made)
 
     def look(self, here, *, until_s, from_s=0.0):
         self.here = here
@@ -63,6 +82,22 @@ def test_while_somebody_else_flies_the_path_is_not_kept():
     watched = Watched(Mode.SUSPENDED)
     assert not any(watched.look(state(east=50.0, north=500.0), until_s=10.0))
     assert watched.said == []
+
+
+@pytest.mark.parametrize(
+    ("east", "north", "row", "words"),
+    [
+        (1500.0, 200.0, 58, []),  # On the circle of 100 m to the left of the path's end.
+        (1500.0, 255.0, 58, []),
+        (1500.0, 265.0, 58, ["265 m beside its path"]),
+        (750.0, 100.0, 29, ["100 m beside its path"]),
+    ],
+)
+def test_an_aircraft_in_the_circle_at_the_end_of_its_mission_is_on_its_path(east, north, row, words):
+    watched = Watched()
+    watched.end_in_circle((1500.0, 100.0, 100.0), 100.0, row)
+    watched.look(state(east=east, north=north), until_s=10.0)
+    assert [text for _, text in watched.said] == words
 
 
 def test_another_deviation_is_announced_again():

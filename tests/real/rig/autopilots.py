@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-PORT_OPERATOR, PORT_SERVICE, PORT_COMPANION = 21600, 21700, 21800  # plus the instance
+PORT_OPERATOR, PORT_SERVICE, PORT_COMPANION, PORT_RADIO = 21600, 21700, 21800, 21900  # plus the instance
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,10 @@ class Autopilot:
         Number that its ports and locks follow from.
     home : tuple of float
         Latitude, longitude [deg], altitude [m]; it heads north.
+    system_id : int
+        Of an ArduPlane. That of a PX4 is its instance and one.
+    has_radio : bool
+        Whether an ArduPlane has a third link, to other aircraft. A PX4 always has one.
     """
 
     kind: Kind
@@ -87,7 +91,13 @@ class Autopilot:
     folder: object
     instance: int
     home: tuple
+    system_id: int = 1
+    has_radio: bool = False
     process: subprocess.Popen | None = None
+
+    def __post_init__(self):
+        if self.kind is PX4:
+            self.system_id = self.instance + 1
 
     @property
     def operator_url(self):
@@ -100,6 +110,11 @@ class Autopilot:
     def companion_port(self):
         """Port to which it sends what a companion computer gets."""
         return (PORT_COMPANION if self.kind is ARDUPLANE else 14540) + self.instance
+
+    @property
+    def radio_port(self):
+        """Port to which it sends what other aircraft get."""
+        return (PORT_RADIO if self.kind is ARDUPLANE else 14030) + self.instance
 
     def start(self, wind=(0.0, 0.0)):
         """Start it; it runs in real time.
@@ -121,6 +136,11 @@ class Autopilot:
     def _arduplane(self, wind):
         extra = self.folder / "flight.parm"
         wanted = {"RTL_AUTOLAND": 2, "SIM_WIND_SPD": wind[0], "SIM_WIND_DIR": wind[1], "LOG_DISARMED": 0}
+        radio = ()
+        if self.has_radio:  # The positions' rate, by its name up to 4.7 and by that of later versions.
+            wanted |= {"MAV_SYSID": self.system_id, "SYSID_THISMAV": self.system_id}
+            wanted |= {"SERIAL2_PROTOCOL": 2, "SR2_POSITION": 2, "MAV3_POSITION": 2}
+            radio = "--serial2", f"udpclient:127.0.0.1:{self.radio_port}"
         extra.write_text("".join(f"{name} {value}\n" for name, value in wanted.items()))
         files = ",".join(filter(None, (self.parameters, str(extra))))
         latitude, longitude, altitude = self.home
@@ -129,7 +149,7 @@ class Autopilot:
             "--home", f"{latitude:.7f},{longitude:.7f},{altitude:.1f},0",
             "--serial0", f"udpclient:127.0.0.1:{PORT_OPERATOR + self.instance}",
             "--serial1", f"udpclient:127.0.0.1:{self.companion_port}",
-            "--defaults", files,
+            *radio, "--defaults", files,
         ], {}  # fmt: skip
 
     def _px4(self, _wind):

@@ -40,6 +40,7 @@ class GroundStation(threading.Thread):
     def __init__(self, autopilot, course, tlog):
         super().__init__(name="ground station", daemon=True)
         self.kind, self._course, self._tlog = autopilot.kind, course, tlog
+        self._expected = autopilot.system_id
         self._link = mavutil.mavlink_connection(
             autopilot.operator_url, source_system=255, source_component=190, dialect="ardupilotmega"
         )
@@ -86,7 +87,7 @@ class GroundStation(threading.Thread):
         self._tlog.write(message.get_msgbuf(), now)
         if kind == "STATUSTEXT":
             self.texts.append((now, component, message.text))
-        if component != mavlink.MAV_COMP_ID_AUTOPILOT1:
+        if (message.get_srcSystem(), component) != (self._expected, mavlink.MAV_COMP_ID_AUTOPILOT1):
             return
         if kind == "HEARTBEAT" and self.system is None:
             self.system = message.get_srcSystem()

@@ -12,12 +12,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.clock import ManualClock
 from companion.config import load_mission
 from companion.config.reload import prepared_mission
-from companion.errors import LinkError
+from companion.errors import ConfigError, LinkError
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.flight_phase import GROUND_MAX_S, LANDED_S
 from companion.flight.state.modes import Mode, ModeEvent
 from companion.link.wire.memory_transport import MemoryTransport
 from companion.recording.reader import load_recording
+from companion.service.doctor.doctor_command import run_checks
 from companion.service.process import service as services
 from companion.service.process.service import Service
 from companion.service.replay.comparison import first_difference
@@ -230,6 +231,35 @@ def test_an_address_that_is_taken_ends_the_service_with_one_error(tmp_path):
         with pytest.raises(LinkError, match=f"{url}: Address already in use"):
             asyncio.run(service.run())
     assert list((tmp_path / "flights").iterdir()) == []
+
+
+def member_file(folder, link):
+    """A mission file of a team of systems 1 and 2."""
+    file = folder / "member.yaml"
+    text = MISSION.read_text(encoding="utf-8")
+    file.write_text(f"{text}\nteam: {{members: [1, 2]}}\n{link}\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(("link", "found"), [("", "nothing"), ("link: {vehicle_system_id: 3}", "3")])
+def test_a_team_whose_file_names_no_own_system_does_not_start(tmp_path, link, found):
+    """Heartbeats of other members come over the radio: one of them could be taken for the own autopilot."""
+    file = member_file(tmp_path, link)
+    with pytest.raises(ConfigError) as of_service:
+        Service(file, "udpin://127.0.0.1:0", tmp_path / "flights", {})
+    with pytest.raises(ConfigError) as of_doctor:
+        asyncio.run(run_checks(file, None, 0.0, tmp_path / "flights"))
+    expected = (
+        f"{file}: link.vehicle_system_id: got {found}; expected the own autopilot's of team.members, 1, 2"
+    )
+    assert str(of_service.value).startswith(expected)
+    assert str(of_doctor.value).startswith(expected)
+
+
+def test_a_team_whose_file_names_the_own_system_starts(tmp_path):
+    file = member_file(tmp_path, "link: {vehicle_system_id: 2}")
+    service = Service(file, "udpin://127.0.0.1:0", tmp_path / "flights", {})
+    service.close()
 
 
 def test_a_port_for_metrics_that_is_taken_leaves_nothing_behind(tmp_path):

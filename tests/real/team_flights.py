@@ -1,0 +1,137 @@
+"""Flights of two real autopilots from both sides through a gap: ``python -m tests.real.team_flights``.
+
+ARDUPLANE, PARM and PX4 name binaries of your own. With ``--alone`` they do not share their plans.
+"""
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tests.real.flights_pool import Binaries
+from tests.real.rig.autopilots import KINDS
+from tests.real.rig.team_rig import Member, Radio
+
+LIMIT_S = 420.0
+APART_M, APART_UP_M = 40.0, 20.0
+BEGIN_M = 15.0  # So high above home a member has taken off.
+BEFORE_FIX_M = 20_000.0  # Positions from before the first fix lie farther away.
+
+
+def flown_team(kind, binaries, folder, instance, *, shares=True, loss=0.2, seed=1):
+    """Fly two aircraft to their goals; the row of the flight.
+
+    Parameters
+    ----------
+    kind : Kind
+        Of autopilot.
+    binaries : Binaries
+        The user's own.
+    folder : Path
+        Of everything that the flight leaves behind.
+    instance : int
+        Number that the ports of the first aircraft follow from.
+    shares : bool
+        Whether they share their plans.
+    loss : float
+        Share of the radio's frames that is lost.
+    seed : int
+        Of what is random.
+    """
+    ids = [instance + number + 1 for number in range(2)]
+    team = {"members": ids} if shares else {}
+    members = [
+        Member(kind, binaries, folder / f"{ids[number]}", number, instance + number, team)
+        for number in range(2)
+    ]
+    radio = Radio({member.system_id: member.autopilot.radio_port for member in members}, loss=loss, seed=seed)
+    fault = ""
+    try:
+        radio.start()
+        for member in members:
+            member.open()
+        for member in members:
+            member.station.fly()
+        end_s = time.monotonic() + LIMIT_S
+        while time.monotonic() < end_s and not all(member.has_arrived() for member in members):
+            time.sleep(0.5)
+            assert all(member.station.is_armed for member in members), "disarmed"
+    except (AssertionError, OSError) as error:
+        fault = f"{type(error).__name__}: {error}"
+    finally:
+        for member in members:
+            member.close()
+        radio.end()
+    row = {
+        "kind": kind.name, "seed": seed, "shares": shares, "fault": fault,
+        "arrived": [member.has_arrived() for member in members], **measures(members),
+        "bytes": list(radio.num_bytes.values()),
+        "paths": [member.station.path if member.station else [] for member in members],
+    }  # fmt: skip
+    (folder / "flight.json").write_text(json.dumps(row), encoding="utf-8")
+    return row
+
+
+def measures(members):
+    """How near the two came to each other, and each to an obstacle, once both had taken off."""
+    rows = [np.array(member.station.path) for member in members]
+    airborne = [
+        path[(path[:, 3] > BEGIN_M) & (np.abs(path[:, 1:3]).max(axis=1) < BEFORE_FIX_M)] for path in rows
+    ]
+    if not all(len(path) > 1 for path in airborne):
+        return {"nearest_m": math.inf, "nearest_up_m": math.inf, "clearance_m": math.inf}
+    begin, end = max(path[0, 0] for path in airborne), min(path[-1, 0] for path in airborne)
+    times = np.arange(begin, end, 0.1)
+    one, other = (
+        np.column_stack([np.interp(times, path[:, 0], path[:, axis]) for axis in (1, 2, 3)])
+        for path in airborne
+    )
+    flat, up = np.hypot(*(one - other)[:, :2].T), np.abs(one - other)[:, 2]
+    nearest = int(np.maximum(flat / APART_M, up / APART_UP_M).argmin())
+    clear = [
+        min(member.course.clearance_m(place) for place in path[:, 1:])
+        for member, path in zip(members, airborne, strict=True)
+    ]
+    return {
+        "nearest_m": float(flat[nearest]),
+        "nearest_up_m": float(up[nearest]),
+        "nearest_flat_m": float(flat.min()),
+        "clearance_m": min(clear),
+    }
+
+
+def is_good(row):
+    """Whether both arrived, kept apart, and touched nothing."""
+    apart = row["nearest_m"] >= APART_M or row["nearest_up_m"] >= APART_UP_M
+    return not row["fault"] and all(row["arrived"]) and apart and row["clearance_m"] > 0.0
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="python -m tests.real.team_flights", description=__doc__)
+    parser.add_argument("--kind", default="arduplane", choices=sorted(KINDS))
+    parser.add_argument("--alone", action="store_true", help="without sharing")
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--first-seed", type=int, default=1)
+    parser.add_argument("--instance", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("flights/real-team"))
+    given = parser.parse_args()
+    num_bad = 0
+    for seed in range(given.first_seed, given.first_seed + given.seeds):
+        folder = given.out.resolve() / f"{given.kind}-{'alone' if given.alone else 'shared'}-{seed}"
+        row = flown_team(
+            KINDS[given.kind], Binaries.named(os.environ), folder, given.instance,
+            shares=not given.alone, seed=seed,
+        )  # fmt: skip
+        num_bad += not is_good(row)
+        sys.stdout.write(f"{ {name: value for name, value in row.items() if name != 'paths'} }\n")
+        sys.stdout.flush()
+    return int(num_bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
