@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.clock import Clock
-from companion.config.sections.team_section import TeamConfig
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait
 from companion.flight.messages.announcer import Announcer
@@ -191,12 +190,12 @@ class TeamExchange:
         constructed : ConstructedMission
             The mission that is to be entered.
         """
-        agreement, config, ahead_s = self.agreement, self._flight.state.mission.team, self._utc.ahead_s
+        agreement, ahead_s = self.agreement, self._utc.ahead_s
         ownship = self._ownship.state(self._clock.now_s())
         self._is_asking = False
-        if agreement is None or config is None or ahead_s is None or ownship is None:
+        if agreement is None or ahead_s is None or ownship is None:
             return ""
-        plan = self._plan_of(constructed, ownship, config, ahead_s)
+        plan = self._plan_of(constructed, ownship, ahead_s)
         if not can_wait(self._flight.state, ownship, self._link.autopilot.current):
             agreement.announce(plan)
             return ""
@@ -207,14 +206,13 @@ class TeamExchange:
             return f"the path of system {_listed(agreement.refused_by)}"
         return ""
 
-    def _plan_of(
-        self, constructed: ConstructedMission, ownship: Ownship, config: TeamConfig, ahead_s: float
-    ) -> SharedPlan:
+    def _plan_of(self, constructed: ConstructedMission, ownship: Ownship, ahead_s: float) -> SharedPlan:
         """Return what is flown from now on: the flown path up to the start, the mission, and its circle.
 
         The agreement fills in its member and number.
         """
-        now_s, flown = ownship.stamp_s, self._flight.state.flown
+        config, now_s, flown = self._flight.state.mission.team, ownship.stamp_s, self._flight.state.flown
+        assert config is not None  # There is an agreement.
         start_s, path = constructed.start.state.stamp_s, constructed.path
         if flown is None:
             before = announced_rows(self._flight.state, ownship, self._link.autopilot.current)

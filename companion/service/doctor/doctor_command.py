@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.clock import WallClock
-from companion.config import load_mission, require_own_system
+from companion.config import MissionConfig, load_mission, require_own_system
 from companion.errors import LinkError
 from companion.link.wire.transport import transport_from_url
 from companion.plain_text import printable
@@ -40,9 +40,7 @@ async def run_checks(
         If the mission file or the URL cannot be used.
     """
     clock = WallClock()
-    mission = None if file is None else load_mission(file)
-    if mission is not None:
-        require_own_system(mission, str(file))
+    mission = None if file is None else _mission_to_serve(file)
     transport = None if url is None else transport_from_url(url, clock)
     findings = local_findings(mission, url, flights)
     is_silent = False
@@ -59,6 +57,12 @@ async def run_checks(
     if is_silent:
         return findings, LinkError.exit_code
     return findings, EXIT_FAILED * _has_failed(findings)
+
+
+def _mission_to_serve(file: Path) -> MissionConfig:
+    mission = load_mission(file)
+    require_own_system(mission, str(file))
+    return mission
 
 
 def _has_failed(findings: Iterable[Finding]) -> bool:
