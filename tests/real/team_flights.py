@@ -1,6 +1,7 @@
 """Flights of two real autopilots from both sides through a gap: ``python -m tests.real.team_flights``.
 
-ARDUPLANE, PARM and PX4 name binaries of your own. With ``--alone`` they do not share their plans.
+ARDUPLANE, PARM and PX4 name binaries of your own. ``--how`` says what they share: their plans, their goals
+as well, or nothing.
 """
 
 import argparse
@@ -19,11 +20,13 @@ from tests.real.rig.team_rig import Member, Radio
 
 LIMIT_S = 420.0
 APART_M, APART_UP_M = 40.0, 20.0
+REACHED_M = 75.0  # A goal is reached within 60 m; positions are reported each 0.1 s.
 BEGIN_M = 15.0  # So high above home a member has taken off.
+TEAMS = {"plans": {}, "goals": {"share_goals": True}, "nothing": None}
 BEFORE_FIX_M = 20_000.0  # Positions from before the first fix lie farther away.
 
 
-def flown_team(kind, binaries, folder, instance, *, shares=True, loss=0.2, seed=1):
+def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1):
     """Fly two aircraft to their goals; the row of the flight.
 
     Parameters
@@ -36,15 +39,15 @@ def flown_team(kind, binaries, folder, instance, *, shares=True, loss=0.2, seed=
         Of everything that the flight leaves behind.
     instance : int
         Number that the ports of the first aircraft follow from.
-    shares : bool
-        Whether they share their plans.
+    team : dict or None
+        The section ``team`` of the mission files without the members; None for aircraft that are no team.
     loss : float
         Share of the radio's frames that is lost.
     seed : int
         Of what is random.
     """
     ids = [instance + number + 1 for number in range(2)]
-    team = {"members": ids} if shares else {}
+    team = {} if team is None else {"members": ids, **team}
     members = [
         Member(kind, binaries, folder / f"{ids[number]}", number, instance + number, team)
         for number in range(2)
@@ -68,7 +71,7 @@ def flown_team(kind, binaries, folder, instance, *, shares=True, loss=0.2, seed=
             member.close()
         radio.end()
     row = {
-        "kind": kind.name, "seed": seed, "shares": shares, "fault": fault,
+        "kind": kind.name, "seed": seed, "team": team, "fault": fault,
         "arrived": [member.has_arrived() for member in members], **measures(members),
         "bytes": list(radio.num_bytes.values()),
         "paths": [member.station.path if member.station else [] for member in members],
@@ -84,7 +87,9 @@ def measures(members):
         path[(path[:, 3] > BEGIN_M) & (np.abs(path[:, 1:3]).max(axis=1) < BEFORE_FIX_M)] for path in rows
     ]
     if not all(len(path) > 1 for path in airborne):
-        return {"nearest_m": math.inf, "nearest_up_m": math.inf, "clearance_m": math.inf}
+        return {
+            "nearest_m": math.inf, "nearest_up_m": math.inf, "clearance_m": math.inf, "goals_missed": [],
+        }  # fmt: skip
     begin, end = max(path[0, 0] for path in airborne), min(path[-1, 0] for path in airborne)
     times = np.arange(begin, end, 0.1)
     one, other = (
@@ -102,19 +107,26 @@ def measures(members):
         "nearest_up_m": float(up[nearest]),
         "nearest_flat_m": float(flat.min()),
         "clearance_m": min(clear),
+        "goals_missed": [
+            goal
+            for member in members
+            for goal in member.course.goals
+            if all(np.linalg.norm(path[:, 1:] - goal, axis=1).min() > REACHED_M for path in airborne)
+        ],
     }
 
 
 def is_good(row):
-    """Whether both arrived, kept apart, and touched nothing."""
+    """Whether both arrived, each goal was flown by one, they kept apart, and touched nothing."""
     apart = row["nearest_m"] >= APART_M or row["nearest_up_m"] >= APART_UP_M
-    return not row["fault"] and all(row["arrived"]) and apart and row["clearance_m"] > 0.0
+    is_done = not row["fault"] and all(row["arrived"]) and not row["goals_missed"]
+    return is_done and apart and row["clearance_m"] > 0.0
 
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m tests.real.team_flights", description=__doc__)
     parser.add_argument("--kind", default="arduplane", choices=sorted(KINDS))
-    parser.add_argument("--alone", action="store_true", help="without sharing")
+    parser.add_argument("--how", default="plans", choices=sorted(TEAMS), help="what they share")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--instance", type=int, default=1)
@@ -122,10 +134,10 @@ def main():
     given = parser.parse_args()
     num_bad = 0
     for seed in range(given.first_seed, given.first_seed + given.seeds):
-        folder = given.out.resolve() / f"{given.kind}-{'alone' if given.alone else 'shared'}-{seed}"
+        folder = given.out.resolve() / f"{given.kind}-{given.how}-{seed}"
         row = flown_team(
             KINDS[given.kind], Binaries.named(os.environ), folder, given.instance,
-            shares=not given.alone, seed=seed,
+            team=TEAMS[given.how], seed=seed,
         )  # fmt: skip
         num_bad += not is_good(row)
         sys.stdout.write(f"{ {name: value for name, value in row.items() if name != 'paths'} }\n")

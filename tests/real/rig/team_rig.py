@@ -22,6 +22,10 @@ PLACES = (
     ((4750.0, 100.0, 0.0), (4750.0, 700.0, 150.0), (4650.0, 1000.0, 150.0), (4800.0, 4250.0, 200.0)),
     ((4880.0, 2400.0, 0.0), (4900.0, 3350.0, 150.0), (4650.0, 3550.0, 150.0), (3900.0, 500.0, 200.0)),
 )
+SHARED_GOALS = (
+    (4800.0, 4250.0, 200.0), (3900.0, 500.0, 200.0), (3850.0, 2700.0, 200.0), (2800.0, 1650.0, 200.0)
+)  # fmt: skip
+ACCEPTED_M = 60.0
 PORT_SERVICE = 21700
 LATE_S = (0.1, 0.5)
 
@@ -42,9 +46,11 @@ class MemberCourse(Course):
     def __init__(self, number, factor, changes):
         self._home, self._takeoff, self._circle, goal = PLACES[number]
         super().__init__(factor, "near", changes)
-        east, north, up = self.local(goal)
+        shares_goals = changes.get("team", {}).get("share_goals", False)
+        self.goals = [self.local(place) for place in (SHARED_GOALS if shares_goals else (goal,))]
         self.document["goals"] = [
-            {"east_m": east, "north_m": north, "up_m": up, "acceptance_radius_m": 60.0 * factor}
+            {"east_m": east, "north_m": north, "up_m": up, "acceptance_radius_m": ACCEPTED_M * factor}
+            for east, north, up in self.goals
         ]
 
     @property
