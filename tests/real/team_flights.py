@@ -52,7 +52,8 @@ def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1)
         Member(kind, binaries, folder / f"{ids[number]}", number, instance + number, team)
         for number in range(2)
     ]
-    radio = Radio({member.system_id: member.autopilot.radio_port for member in members}, loss=loss, seed=seed)
+    ports = {member.system_id: member.autopilot.radio_port for member in members}
+    radio = Radio(ports, loss=loss if team else 1.0, seed=seed)
     fault = ""
     try:
         radio.start()

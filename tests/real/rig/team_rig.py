@@ -154,6 +154,7 @@ class Member:
         changes = {
             "vehicle": kind.vehicle, "origin": {"altitude_amsl_m": kind.altitude_amsl_m},
             "link": {"vehicle_system_id": self.system_id}, **({"team": team} if team else {}),
+            "dynamic_threats": [],
         }  # fmt: skip
         self.course = MemberCourse(number, kind.factor, changes)
         (folder / "mission.yaml").write_text(self.course.text, encoding="utf-8")
