@@ -188,12 +188,9 @@ def _best_of(
     found: list[Candidate] = []
     forbidden: list[Candidate] = []
     for airspeed in _airspeeds(state, path.until(min(ends[0], last))):
-        for candidate in _candidates(state, path, ends, last, airspeed):
+        for candidate in _candidates(state, path, ends, last, airspeed, max_waypoints):
             if candidate.violations:
                 forbidden.append(candidate)
-                continue
-            if candidate.waypoints.num_items > max_waypoints:
-                forbidden.append(candidate._replace(violations=(NO_ROOM,)))
                 continue
             found.append(candidate)
             if not candidate.faults.at_end:
@@ -222,7 +219,7 @@ def _rank(candidate: Candidate) -> tuple[bool, Faults]:
 
 
 def _candidates(
-    state: FlightState, path: Path, ends: Sequence[int], last: int, airspeed_m_s: float
+    state: FlightState, path: Path, ends: Sequence[int], last: int, airspeed_m_s: float, max_waypoints: float
 ) -> Iterator[Candidate]:
     """Missions that end at some rows, in that order, each flown over in simulation.
 
@@ -242,9 +239,19 @@ def _candidates(
             if any(state.rules.checker.circle_violations(circle.centre_enu_m, circle.radius_m, end)):
                 continue
             candidate = _fitted(state, path.until(end), airspeed_m_s, circle, is_last=end == last)
+            candidate = _with_room(candidate, max_waypoints)
             valid_until = min(valid_until, candidate.valid_until_m)
             num_tried += 1
             yield candidate._replace(covered_until_s=float(path.times_s[min(end, last)]))
+
+
+def _with_room(candidate: Candidate, max_waypoints: float) -> Candidate:
+    """Return the mission, forbidden if the list has no room for all its items; a shorter one may fit."""
+    distances_m, num_left = candidate.waypoints.distances_m, max_waypoints - candidate.waypoints.num_items
+    if num_left >= 0.0 or candidate.violations:
+        return candidate
+    valid_until = float(distances_m[max(len(distances_m) + int(num_left) - 1, 0)])
+    return candidate._replace(violations=(NO_ROOM,), valid_until_m=min(candidate.valid_until_m, valid_until))
 
 
 def _circles(state: FlightState, path: Path, rows: IntArray, radius_m: float) -> list[list[Circle]]:

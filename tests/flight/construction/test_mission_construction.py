@@ -107,6 +107,18 @@ def test_a_path_with_more_waypoints_than_the_bank_holds_is_not_flown():
     assert [entry.rule for entry in construct(begun(), straight(), 1).violations] == ["bank"]
 
 
+@pytest.mark.parametrize("max_waypoints", [9, 17])
+def test_a_path_with_more_turns_than_the_list_has_room_for_is_flown_as_far_as_it_fits(max_waypoints):
+    """In a team, missions cover six horizons: here 90 s, in which the path turns twelve times."""
+    bends = [(125.0, sign * 0.5 * math.pi, 8) for sign in (1, -1) * 6]
+    winding = path_along((100.0, 4), *bends, (1000.0, 40), course=EAST)
+    whole = construct(begun("team: {members: [1, 2]}"), winding, 60)
+    part = construct(begun("team: {members: [1, 2]}"), winding, max_waypoints)
+    assert (whole.violations, part.violations) == ((), ())
+    assert whole.waypoints.num_items > max_waypoints >= part.waypoints.num_items > max_waypoints - 3
+    assert 10.0 < part.covered_until_s < whole.covered_until_s - 10.0
+
+
 def test_a_path_through_a_wall_is_not_flown():
     wall = begun("obstacles:\n" + BLOCK.format("wall", 900, -300, 950, 300))
     assert {entry.rule for entry in construct_until(wall, straight(), 59).violations} == {"clearance"}
