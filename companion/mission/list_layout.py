@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from companion.mission.operator import (
-    BANK_ITEMS_LIMITS,
     FIRST_WITHOUT_PLACE,
     Operator,
     banks_in,
@@ -29,7 +28,7 @@ from companion.mission.return_bank import RETURN_ITEMS, num_return_items
 from companion.mission.waypoints import MissionPart
 from companion.types.mission import Command, MavFrame, Mission, MissionItem
 
-BANK_ITEMS_MIN, BANK_ITEMS_MAX = BANK_ITEMS_LIMITS
+BANK_ITEMS, TEAM_BANK_ITEMS = 20, 40  # Items of a bank; in a team, missions cover twice the time.
 BANK_EXTRAS = 3  # A bank also holds the airspeed, a jump, and the loiter at the end.
 WHOLE_WAYPOINTS_MAX = 200  # A mission on a PX4 has at most this many waypoints.
 # The service's items on a PX4 take at least this many items, and this multiple of the first mission's: so
@@ -209,9 +208,10 @@ def bank_items(part: MissionPart, size: int, *, jump_to: int | None = None) -> t
     return items + (part.loiter,) * (size - len(items))
 
 
-def new_banks(existing: Sequence[MissionItem], num_waypoints: int, tail: int | None = None) -> TwoBankLayout:
-    """Return a layout behind the autopilot's present items, for paths up to half as long again."""
-    size = min(BANK_ITEMS_MAX, max(BANK_ITEMS_MIN, int(1.5 * num_waypoints) + BANK_EXTRAS))
+def new_banks(
+    existing: Sequence[MissionItem], tail: int | None = None, *, size: int = BANK_ITEMS
+) -> TwoBankLayout:
+    """Return a layout behind the autopilot's present items, with banks of a size."""
     return TwoBankLayout(prefix=with_stable_height(existing), size=size, tail=tail)
 
 
@@ -229,7 +229,9 @@ def with_stable_height(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
     )
 
 
-def two_bank_layout_of(read: Sequence[MissionItem], operator: Operator, current: int) -> TwoBankLayout:
+def two_bank_layout_of(
+    read: Sequence[MissionItem], operator: Operator, current: int, new_size: int = BANK_ITEMS
+) -> TwoBankLayout:
     """Return the layout of an ArduPlane's list as read; after a restart, the existing one.
 
     Parameters
@@ -240,11 +242,13 @@ def two_bank_layout_of(read: Sequence[MissionItem], operator: Operator, current:
         The operator's part of it.
     current : int
         Sequence of the item being flown. The bank that contains it is not written to.
+    new_size : int
+        Items of a bank if there is none yet.
     """
     ours = without_returns(read)
     banks = banks_in(ours)
     if banks is None:
-        return new_banks(operator.items, 0, operator.tail)
+        return new_banks(operator.items, operator.tail, size=new_size)
     first, size = banks
     kept = [tuple(read[begin : begin + size]) for begin in range(first, len(ours), size)]
     index = 1 if len(kept) == 2 and current >= first + size else 0

@@ -11,6 +11,7 @@ from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
 from companion.flight.exchange import announced_plan
 from companion.flight.exchange.announced_plan import WAITS_S
+from companion.mission.list_layout import TEAM_BANK_ITEMS
 from companion.types.events import Dialect
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG, ahead
@@ -40,6 +41,8 @@ def test_two_that_fly_towards_each_other_agree_to_pass_apart(dialect):
     for flight in team.flights:
         assert flight.app.replanning.team.agreement.committed is not None
         assert not any("heard, too" in decision.text for decision in flight.recorder.decisions)
+        if dialect is Dialect.ARDUPILOT:
+            assert flight.app.state.mission_list.layout.size == TEAM_BANK_ITEMS
 
 
 class CreepingClock(ManualClock):

@@ -40,7 +40,7 @@ lists = st.tuples(st.integers(0, 4), st.lists(st.integers(1, 18), min_size=NUM_S
 @given(lists)
 def test_ten_swaps_alternate_and_leave_the_flown_bank_alone(drawn):
     num_operator, counts = drawn
-    banks = new_banks(renumbered([HOME, *(item(9),) * num_operator]), max(counts))
+    banks = new_banks(renumbered([HOME, *(item(9),) * num_operator]), size=max(counts) + 3)
     prefix, size, length, entries = banks.prefix, banks.size, 0, []
     for number, count in enumerate(counts):
         new = bank(size, number, count)
@@ -64,7 +64,7 @@ def test_ten_swaps_alternate_and_leave_the_flown_bank_alone(drawn):
 
 
 def test_a_swap_that_was_not_flown_is_made_again_in_the_same_bank():
-    banks = new_banks((HOME,), 3)
+    banks = new_banks((HOME,))
     _, flown = banks.with_new(bank(banks.size, 0, 3), 0)
     first, _ = flown.with_new(bank(banks.size, 1, 3), 1)
     again, _ = flown.with_new(bank(banks.size, 2, 4), 2)
@@ -86,7 +86,7 @@ def write(store, items, num_items):
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 3), st.integers(1, 18), st.integers(1, 18), st.integers(1, 18))
 def test_an_upload_broken_off_at_any_item_leaves_the_flown_bank_whole(num_operator, one, two, three):
-    banks = new_banks(renumbered([HOME, *(item(9),) * num_operator]), 18)
+    banks = new_banks(renumbered([HOME, *(item(9),) * num_operator]), size=30)
     previous = None
     for number, count in enumerate((one, two, three)):
         mission, after = banks.with_new(bank(banks.size, number, count), number)
@@ -103,7 +103,7 @@ def test_an_upload_broken_off_at_any_item_leaves_the_flown_bank_whole(num_operat
 
 def test_the_same_property_fails_for_a_list_that_is_overwritten_in_place():
     """Without banks the flown items change under the aircraft: what the test above would notice."""
-    banks = new_banks((HOME,), 5)
+    banks = new_banks((HOME,))
     old, _ = banks.with_new(bank(banks.size, 0, 5), 0)
     new, _ = banks.with_new(bank(banks.size, 1, 5), 1)
     store = MissionStore(HOME)
@@ -115,7 +115,7 @@ def test_the_same_property_fails_for_a_list_that_is_overwritten_in_place():
 
 @pytest.mark.parametrize("num_waypoints", [1, 2, 5])
 def test_waypoints_are_found_behind_the_airspeed_item(num_waypoints):
-    banks = new_banks((HOME,), num_waypoints)
+    banks = new_banks((HOME,))
     mission, _ = banks.with_new(bank(banks.size, 0, num_waypoints), 0)
     for number in range(num_waypoints):
         found = mission.items[builder.sequence_of_waypoint(mission, number)]

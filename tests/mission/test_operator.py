@@ -247,12 +247,12 @@ def test_a_px4s_list_keeps_its_length_and_grows_only_where_it_must(lengths, goes
 
 
 def test_on_ardupilot_a_mission_that_reaches_the_goal_jumps_to_what_follows_it():
-    banks = new_banks(OPERATOR, 2, tail=5)
+    banks = new_banks(OPERATOR, tail=5)
     ours = banks.items_for(mission_part(ON_TO_THE_LANDING, FRAME))
     assert [entry.command for entry in ours[:5]] == [16, 178, 16, Command.DO_JUMP, 17]
     assert ours[3].parameters[:2] == (5.0, -1.0)
     assert len(ours) == banks.size
-    without = new_banks(OPERATOR, 2, tail=len(OPERATOR)).items_for(mission_part(ON_TO_THE_LANDING, FRAME))
+    without = new_banks(OPERATOR, tail=len(OPERATOR)).items_for(mission_part(ON_TO_THE_LANDING, FRAME))
     assert Command.DO_JUMP not in {entry.command for entry in without}
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission.list_layout import BANK_ITEMS_MAX, BANK_ITEMS_MIN, bank_items, new_banks
+from companion.mission.list_layout import bank_items
 from companion.mission.waypoints import equivalent_airspeed, mission_part, waypoints_from_path
 from companion.types.mission import Command, MavFrame
 from companion.world.ground.autopilot_ground import AutopilotGround
@@ -216,11 +216,6 @@ def test_over_ground_a_straight_path_has_waypoints_where_the_ground_would_lower_
     assert flown.min() > 100.0 - 6.0  # Waypoints lie 60 m apart at least, in which the valley falls by 12 m.
     assert flown.max() < 115.0 + 3.0
     assert len(passed) > len(waypoints_from_path(path_along((1200.0, 60), up=100.0), 25.0).positions_enu_m)
-
-
-@pytest.mark.parametrize(("num", "size"), [(1, BANK_ITEMS_MIN), (20, 33), (200, BANK_ITEMS_MAX)])
-def test_banks_have_room_for_half_as_much_again(num, size):
-    assert new_banks((), num).size == size
 
 
 def test_something_to_be_done_on_a_straight_has_a_waypoint_of_its_own():

@@ -19,7 +19,14 @@ from companion.flight.state.list_state import (
     after_writing_begun,
 )
 from companion.mission.item_difference import difference
-from companion.mission.list_layout import Layout, TwoBankLayout, two_bank_layout_of, without_returns
+from companion.mission.list_layout import (
+    BANK_ITEMS,
+    TEAM_BANK_ITEMS,
+    Layout,
+    TwoBankLayout,
+    two_bank_layout_of,
+    without_returns,
+)
 from companion.mission.operator import Operator, banks_in, without_banks
 from companion.mission.swap import NO_SAFE_ENTRY, MissionLink, SwapOutcome, enter
 from companion.types.mission import Mission, MissionItem
@@ -39,7 +46,8 @@ class ArduPlaneSwap(SwapProtocol):
 
     def layout_of(self, read: tuple[MissionItem, ...], operator: Operator, current: int) -> Layout:
         """Return the layout: two banks behind the operator's items."""
-        return two_bank_layout_of(read, operator, current)
+        is_team = self._parts.flight.state.mission.team is not None
+        return two_bank_layout_of(read, operator, current, TEAM_BANK_ITEMS if is_team else BANK_ITEMS)
 
     def span_of_ours(self, read: tuple[MissionItem, ...], layout: Layout) -> tuple[int, int] | None:
         """Return the bank that is not written next."""

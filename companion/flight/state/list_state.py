@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from companion.mission.item_difference import difference
-from companion.mission.list_layout import BANK_EXTRAS, BANK_ITEMS_MAX, Layout, TwoBankLayout
+from companion.mission.list_layout import BANK_EXTRAS, BANK_ITEMS, Layout, TwoBankLayout
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import Operator
 from companion.mission.waypoints import Waypoints
@@ -166,7 +166,7 @@ class ListState:
     @property
     def max_waypoints(self) -> int:
         """Largest number of waypoints of a mission."""
-        return BANK_ITEMS_MAX - BANK_EXTRAS if self.layout is None else self.layout.max_waypoints
+        return BANK_ITEMS - BANK_EXTRAS if self.layout is None else self.layout.max_waypoints
 
     @property
     def exchange_s(self) -> float:

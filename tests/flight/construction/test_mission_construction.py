@@ -128,7 +128,7 @@ def test_a_path_through_a_wall_is_not_flown():
 def test_the_mission_is_what_was_decided():
     made = begun()
     waypoints = construct(made, straight(), 30).waypoints
-    layout = new_banks((item(0),), len(waypoints.positions_enu_m))
+    layout = new_banks((item(0),))
     mission, banks = layout.with_new(layout.items_for(mission_part(waypoints, made.mission.frame)), 7)
     assert mission.plan_number == 7
     assert mission.entry == 1

@@ -53,7 +53,7 @@ class Watched:
         made = replace(
             now, flown=replace(now.flown, mission=Mission((circle,), 1, 1), row=row),
             mission_list=replace(
-                now.mission_list, layout=new_banks((circle,), 3), home_amsl_m=frame.altitude_amsl_m
+                now.mission_list, layout=new_banks((circle,)), home_amsl_m=frame.altitude_amsl_m
             ),
         )  # fmt: skip
         self.flight.apply(lambda _: made)

@@ -52,7 +52,7 @@ def begun(text=OPEN):
 def listed(**changes):
     """A list of a home slot and two banks, as it was read."""
     items = tuple(item(n) for n in range(5))
-    return replace(ListState(), layout=new_banks(items[:1], 3), stored=items, **changes)
+    return replace(ListState(), layout=new_banks(items[:1]), stored=items, **changes)
 
 
 def changed(before, after):
@@ -83,7 +83,7 @@ def test_handed_back_the_list_is_read_anew_since_others_may_have_used_the_pause(
 
 def test_handed_back_with_a_swap_unanswered_that_is_settled_first():
     flown = FlownPath(straight(), Mission((), 1, 1), 60.0)
-    order = list_state.PendingSwap(5.0, new_banks((item(0),), 3), flown, None, 0)
+    order = list_state.PendingSwap(5.0, new_banks((item(0),)), flown, None, 0)
     suspended = replace(begun(), mode=Mode.SUSPENDED, mission_list=after_asked(listed(), order))
     assert after_mode_event(suspended, ModeEvent.MISSION_FLOWN).mission_list.suspected == ""
 
@@ -148,7 +148,7 @@ def test_a_restart_takes_up_the_path_and_the_goals_reached():
 def test_once_a_mission_is_flown_it_is_what_is_stored_and_known():
     items = tuple(item(n) for n in range(1, 4))
     flown = FlownPath(straight(), Mission(items, 1, 7), 45.0)
-    layout = new_banks((item(0),), 3)
+    layout = new_banks((item(0),))
     state = after_swap(replace(begun(), mission_list=listed(is_mixed=True)), layout, flown, None)
     assert (state.flown, state.mission_list.layout) == (flown, layout)
     assert (state.mission_list.stored, state.mission_list.is_mixed) == (items, False)
@@ -157,7 +157,7 @@ def test_once_a_mission_is_flown_it_is_what_is_stored_and_known():
 
 def test_a_swap_broken_off_leaves_no_exchange_and_counts_what_is_pending_from_its_end():
     flown = FlownPath(straight(), Mission((), 1, 1), 60.0)
-    order = list_state.PendingSwap(5.0, new_banks((item(0),), 3), flown, None, 0)
+    order = list_state.PendingSwap(5.0, new_banks((item(0),)), flown, None, 0)
     ended = after_swap_ended(after_asked(listed(is_exchanging=True), order), 9.0)
     assert (ended.is_exchanging, ended.pending.asked_s) == (False, 9.0)
 

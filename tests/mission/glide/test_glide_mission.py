@@ -48,7 +48,7 @@ def test_a_px4_takes_the_landing():
 
 
 def test_an_arduplane_finds_the_bank_again_after_a_restart():
-    layout = new_banks((), 0)
+    layout = new_banks(())
     bank = layout.items_for(PART)
     assert banks_in(bank) == (0, len(bank))
 

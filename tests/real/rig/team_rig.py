@@ -17,13 +17,13 @@ from tests.real.rig.ground_station import GroundStation
 from tests.real.rig.relay import Framer, Relay, Tlog
 from tests.real.rig.service_process import ServiceProcess
 
-# From both sides through the gap of a wall of paper-3d: home, takeoff, the operator's circle, and the goal.
+# From both sides, at one height, through the gap of a wall of paper-3d: home, takeoff, the operator's circle, and the goal.
 PLACES = (
-    ((4750.0, 100.0, 0.0), (4750.0, 700.0, 150.0), (4650.0, 1000.0, 150.0), (4800.0, 4250.0, 200.0)),
-    ((4880.0, 2400.0, 0.0), (4900.0, 3350.0, 150.0), (4650.0, 3550.0, 150.0), (3900.0, 500.0, 200.0)),
+    ((4750.0, 100.0, 0.0), (4750.0, 700.0, 150.0), (4650.0, 1000.0, 150.0), (4800.0, 4250.0, 150.0)),
+    ((4880.0, 2400.0, 0.0), (4900.0, 3350.0, 150.0), (4650.0, 3550.0, 150.0), (3900.0, 500.0, 150.0)),
 )
 SHARED_GOALS = (
-    (4800.0, 4250.0, 200.0), (3900.0, 500.0, 200.0), (3850.0, 2700.0, 200.0), (2800.0, 1650.0, 200.0)
+    (4800.0, 4250.0, 150.0), (3900.0, 500.0, 150.0), (3850.0, 2700.0, 150.0), (2800.0, 1650.0, 150.0)
 )  # fmt: skip
 ACCEPTED_M = 60.0
 PORT_SERVICE = 21700
@@ -154,7 +154,7 @@ class Member:
         changes = {
             "vehicle": kind.vehicle, "origin": {"altitude_amsl_m": kind.altitude_amsl_m},
             "link": {"vehicle_system_id": self.system_id}, **({"team": team} if team else {}),
-            "dynamic_threats": [],
+            "dimension": 2, "start": {"up_m": 150.0 * kind.factor}, "dynamic_threats": [],
         }  # fmt: skip
         self.course = MemberCourse(number, kind.factor, changes)
         (folder / "mission.yaml").write_text(self.course.text, encoding="utf-8")
