@@ -17,7 +17,7 @@ from tests.real.rig.ground_station import GroundStation
 from tests.real.rig.relay import Framer, Relay, Tlog
 from tests.real.rig.service_process import ServiceProcess
 
-# At one height, from both sides through the gap of a wall: home, takeoff, the operator's circle, and the goal.
+# At one height, from both sides through a wall's gap: home, takeoff, the operator's circle, and the goal.
 PLACES = (
     ((4750.0, 100.0, 0.0), (4750.0, 700.0, 150.0), (4650.0, 1000.0, 150.0), (4800.0, 4250.0, 150.0)),
     ((4880.0, 2400.0, 0.0), (4900.0, 3350.0, 150.0), (4650.0, 3550.0, 150.0), (3900.0, 500.0, 150.0)),
