@@ -159,10 +159,11 @@ def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: b
     wanted_s = math.inf if is_whole else horizons * state.rules.time_horizon_s
     last = len(path) - 1
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted_s)))
-    ends = [row, *range(row + 2, last, 2), last, *range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)]
+    ends = [row, *range(row + 2, last, 2), last]
     if state.tail_enu_m is None:
         path = run_on(path, RUN_ON_M)
         ends += range(last + RUN_ON_ROWS, len(path), RUN_ON_ROWS)
+    ends += range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)
     return _best_of(state, path, list(dict.fromkeys(ends)), last, max_waypoints)
 
 
@@ -231,18 +232,38 @@ def _candidates(
         (vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m)
     )
     circles = [_circles(state, path, np.array(ends), radius) for radius in radii]
+    pairs = [
+        (end, circle)
+        for number, end in enumerate(ends)
+        for of_radius in circles
+        for circle in of_radius[number]
+    ]
     travelled, valid_until, num_tried = path.travelled_m, math.inf, 0
-    for number, end in enumerate(ends):
-        for circle in (circle for of_radius in circles for circle in of_radius[number]):
-            if travelled[end] >= valid_until or num_tried == ENDS_MAX:
-                break
-            if any(state.rules.checker.circle_violations(circle.centre_enu_m, circle.radius_m, end)):
-                continue
-            candidate = _fitted(state, path.until(end), airspeed_m_s, circle, is_last=end == last)
-            candidate = _with_room(candidate, max_waypoints)
-            valid_until = min(valid_until, candidate.valid_until_m)
-            num_tried += 1
-            yield candidate._replace(covered_until_s=float(path.times_s[min(end, last)]))
+    for end, circle in _free_first(state, path, pairs):
+        if num_tried == ENDS_MAX:
+            return
+        if travelled[end] >= valid_until:
+            continue
+        if any(state.rules.checker.circle_violations(circle.centre_enu_m, circle.radius_m, end)):
+            continue
+        candidate = _fitted(state, path.until(end), airspeed_m_s, circle, is_last=end == last)
+        candidate = _with_room(candidate, max_waypoints)
+        valid_until = min(valid_until, candidate.valid_until_m)
+        num_tried += 1
+        yield candidate._replace(covered_until_s=float(path.times_s[min(end, last)]))
+
+
+def _free_first(
+    state: FlightState, path: Path, pairs: Sequence[tuple[int, Circle]]
+) -> Iterator[tuple[int, Circle]]:
+    """Ends of a path with circles; those come last to which aircraft on known routes come near."""
+    taken = []
+    for end, circle in pairs:
+        if is_circle_taken(state, circle.centre_enu_m, circle.radius_m, float(path.times_s[end])):
+            taken.append((end, circle))
+        else:
+            yield end, circle
+    yield from taken
 
 
 def _with_room(candidate: Candidate, max_waypoints: float) -> Candidate:
@@ -286,7 +307,7 @@ def _fitted(
         lacking = lacking_in_other_winds(state, best.waypoints, track)
         arrival_s = float(part.times_s[-1])
         is_exposed = is_circle_exposed(state, best.waypoints, arrival_s)
-        is_exposed = is_exposed or is_circle_taken(state, best.waypoints, arrival_s)
+        is_exposed = is_exposed or is_circle_taken(state, *best.waypoints.circle, arrival_s)
         best = best._replace(faults=best.faults.worst(Faults(lacking, is_exposed, 0.0, 0.0, 0.0)))
     finished = replace(
         best.waypoints,

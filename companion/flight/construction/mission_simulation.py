@@ -11,7 +11,7 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.config.sections.terrain_map import autopilot_ground_of
 from companion.flight.state.flight_state import FlightState
-from companion.frames import speed_made_good
+from companion.frames import FloatArray, speed_made_good
 from companion.mission.waypoints import Waypoints, density_ratio
 from companion.types.path import FASTER_M_S, Path
 from companion.types.state import Ownship
@@ -237,7 +237,7 @@ def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float
     return bool(state.rules.exposure.levels(lap, state.picture).max() > limit)
 
 
-def is_circle_taken(state: FlightState, waypoints: Waypoints, arrival_s: float) -> bool:
+def is_circle_taken(state: FlightState, centre: FloatArray, radius_m: float, arrival_s: float) -> bool:
     """Return whether an aircraft that keeps its route ever comes near a mission's last circle.
 
     The circle is flown until the next mission is entered, so that all later times count.
@@ -246,13 +246,14 @@ def is_circle_taken(state: FlightState, waypoints: Waypoints, arrival_s: float) 
     ----------
     state : FlightState
         Other aircraft.
-    waypoints : Waypoints
-        With the circle.
+    centre : ndarray, shape (3,)
+        Centre of the circle [m].
+    radius_m : float
+        Its radius [m]; 0 for the autopilot's own.
     arrival_s : float
         Time of arrival at the circle, by the clock [s].
     """
-    centre, radius = waypoints.circle
-    own_m = abs(radius) or state.turn_radius_m
+    own_m = abs(radius_m) or state.turn_radius_m
     for track in state.picture.tracks:
         if track.keeps_route and track.route is not None:
             times = np.arange(arrival_s, max(arrival_s, float(track.route[-1, 0])) + STEP_S, STEP_S)

@@ -6,9 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from companion.flight.construction.mission_construction import construct
 from companion.flight.construction.mission_simulation import is_circle_taken
-from companion.mission.waypoints import Waypoints
+from companion.mission.team.member_tracks import track_of_plan
+from companion.mission.team.shared_plan import SharedPlan
 from companion.types.threat import ThreatPicture
+from tests.flight.construction.test_cycle import begun, straight
 from tests.support.worlds import track
 
 # It flies north at 20 m/s from (0, -1000), is at the origin after 50 s, and ends after 100 s.
@@ -21,8 +24,7 @@ MEMBER = replace(
 
 def taken(centre, arrival_s, other=MEMBER, radius=80.0):
     state = SimpleNamespace(picture=ThreatPicture(tracks=(other,)), turn_radius_m=80.0)
-    end = np.array([centre])
-    return is_circle_taken(state, Waypoints(end, np.zeros(1), 20.0, end[0], radius), arrival_s)
+    return is_circle_taken(state, np.array(centre), radius, arrival_s)
 
 
 @pytest.mark.parametrize(
@@ -47,3 +49,22 @@ def test_the_autopilots_own_radius_counts_where_the_mission_names_none():
 
 def test_an_aircraft_that_may_fly_elsewhere_takes_no_circle():
     assert not taken((0.0, 0.0, 100.0), 20.0, replace(MEMBER, keeps_route=False))
+
+
+def circling(member, east, north):
+    """A member that circles at a place for ever, 100 m from its centre."""
+    rows = np.array([[0.0, east, north, 100.0], [1.0, east, north, 100.0]])
+    return track_of_plan(SharedPlan(member, 0, rows, 100.0, 50.0, 10.0), 0.0, 0.0, 165.0, 40.0)
+
+
+@pytest.mark.parametrize("sides", [(-300.0, 300.0), (-300.0,), ()])
+def test_a_goal_between_circles_of_others_is_passed_to_a_circle_that_is_free(sides):
+    others = tuple(circling(2 + number, 1500.0, north) for number, north in enumerate(sides))
+    state = replace(begun("team: {members: [1, 2, 3]}"), picture=ThreatPicture(tracks=others))
+    found = construct(state, straight(), 37)
+    centre, radius = found.waypoints.circle
+    assert (found.violations, found.faults.at_end) == ((), False)
+    assert found.covered_until_s == pytest.approx(60.0)  # The whole path.
+    assert (centre[0] > 1600.0) == (len(sides) == 2)
+    for north in sides:
+        assert np.hypot(centre[0] - 1500.0, centre[1] - north) > abs(radius) + 100.0 + 165.0
