@@ -160,7 +160,7 @@ def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: b
     last = len(path) - 1
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted_s)))
     ends = [row, *range(row + 2, last, 2), last]
-    if state.tail_enu_m is None:
+    if not _may_go_on(state, path.positions_enu_m[last]):
         path = run_on(path, RUN_ON_M)
         ends += range(last + RUN_ON_ROWS, len(path), RUN_ON_ROWS)
     ends += range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)
@@ -238,9 +238,9 @@ def _candidates(
         for of_radius in circles
         for circle in of_radius[number]
     ]
-    travelled, valid_until, num_tried = path.travelled_m, math.inf, 0
-    for end, circle in _free_first(state, path, pairs):
-        if num_tried == ENDS_MAX:
+    travelled, valid_until, num_tried, has_free = path.travelled_m, math.inf, 0, False
+    for end, circle, is_taken in _free_first(state, path, pairs, last):
+        if num_tried == ENDS_MAX or (is_taken and has_free):
             return
         if travelled[end] >= valid_until:
             continue
@@ -250,19 +250,25 @@ def _candidates(
         candidate = _with_room(candidate, max_waypoints)
         valid_until = min(valid_until, candidate.valid_until_m)
         num_tried += 1
+        has_free |= not candidate.violations
         yield candidate._replace(covered_until_s=float(path.times_s[min(end, last)]))
 
 
 def _free_first(
-    state: FlightState, path: Path, pairs: Sequence[tuple[int, Circle]]
-) -> Iterator[tuple[int, Circle]]:
-    """Ends of a path with circles; those come last to which aircraft on known routes come near."""
-    taken = []
+    state: FlightState, path: Path, pairs: Sequence[tuple[int, Circle]], last: int
+) -> Iterator[tuple[int, Circle, bool]]:
+    """Ends of a path with circles, and whether an aircraft on a known route comes near; those come last.
+
+    At the goal the circle does not count if the operator's items follow.
+    """
+    taken, goes_on = [], _may_go_on(state, path.positions_enu_m[last])
     for end, circle in pairs:
-        if is_circle_taken(state, circle.centre_enu_m, circle.radius_m, float(path.times_s[end])):
-            taken.append((end, circle))
+        is_flown = end != last or not goes_on
+        arrival_s = float(path.times_s[end])
+        if is_flown and is_circle_taken(state, circle.centre_enu_m, circle.radius_m, arrival_s):
+            taken.append((end, circle, True))
         else:
-            yield end, circle
+            yield end, circle, False
     yield from taken
 
 
@@ -303,15 +309,18 @@ def _fitted(
     best, track = _over(state, part, airspeed_m_s, circle, marked, ground)
     if best.violations and ground is not None:
         best, track = _over(state, part, airspeed_m_s, circle, marked, None)
+    goes_on = is_last and _may_go_on(state, best.waypoints.positions_enu_m[-1])
     if track is not None and not best.violations:
         lacking = lacking_in_other_winds(state, best.waypoints, track)
         arrival_s = float(part.times_s[-1])
-        is_exposed = is_circle_exposed(state, best.waypoints, arrival_s)
-        is_exposed = is_exposed or is_circle_taken(state, *best.waypoints.circle, arrival_s)
+        is_exposed = not goes_on and (
+            is_circle_exposed(state, best.waypoints, arrival_s)
+            or is_circle_taken(state, *best.waypoints.circle, arrival_s)
+        )
         best = best._replace(faults=best.faults.worst(Faults(lacking, is_exposed, 0.0, 0.0, 0.0)))
     finished = replace(
         best.waypoints,
-        continues_with_operator_items=is_last and _may_go_on(state, best.waypoints.positions_enu_m[-1]),
+        continues_with_operator_items=goes_on,
         actions=_actions_at(actions, best.waypoints),
         airspeed_again=_airspeed_again(state, part, best.waypoints),
     )

@@ -209,7 +209,8 @@ class TeamExchange:
     def _plan_of(self, constructed: ConstructedMission, ownship: Ownship, ahead_s: float) -> SharedPlan:
         """Return what is flown from now on: the flown path up to the start, the mission, and its circle.
 
-        The agreement fills in its member and number.
+        If the operator's items follow the goal, there is no circle. They are announced when they are flown.
+        The agreement fills in the plan's member and number.
         """
         config, now_s, flown = self._flight.state.mission.team, ownship.stamp_s, self._flight.state.flown
         assert config is not None  # There is an agreement.
@@ -222,15 +223,13 @@ class TeamExchange:
         parts = [np.array([[now_s, *ownship.position_enu_m]]), before[is_before]]
         is_carried = (path.times_s > now_s) & (path.times_s <= constructed.covered_until_s)
         parts.append(np.column_stack([path.times_s, path.positions_enu_m])[is_carried])
-        centre, radius_m = constructed.waypoints.circle
-        rows = np.vstack(parts)
-        radius_m = abs(radius_m) or float(self._flight.state.turn_radius_m)
-        end = rows[-1]
-        away_m = math.dist(end[1:3], centre[:2])
-        rows = np.vstack(
-            [rows, [end[0] + max(away_m - radius_m, 0.0) / max(ownship.airspeed_m_s, 1.0), *centre]]
-        )
-        rows = entering_circle(rows, radius_m)
+        rows, radius_m = np.vstack(parts), 0.0
+        if not constructed.waypoints.continues_with_operator_items:
+            centre, signed_m = constructed.waypoints.circle
+            radius_m = abs(signed_m) or float(self._flight.state.turn_radius_m)
+            away_m = max(math.dist(rows[-1, 1:3], centre[:2]) - radius_m, 0.0)
+            entered_s = rows[-1, 0] + away_m / max(ownship.airspeed_m_s, 1.0)
+            rows = entering_circle(np.vstack([rows, [entered_s, *centre]]), radius_m)
         rows[:, 0] += ahead_s
         return SharedPlan(
             0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m,

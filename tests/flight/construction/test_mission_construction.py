@@ -88,14 +88,16 @@ def test_the_circle_is_put_where_it_is_clear():
 
 
 def test_a_goal_without_room_for_a_circle_is_passed_to_where_there_is():
-    """The gorge ends 1200 m east of the start; the goal lies in it, and nothing of the operator's follows."""
+    """The gorge ends 1200 m east of the start. The goal lies in it; nothing of the operator's is flown."""
     gorge = GORGE.replace("2700", "1200")
     found = construct(begun(gorge), straight(rows=40), 30)
     assert found.violations == ()
     assert found.covered_until_s == 40.0
     assert found.waypoints.positions_enu_m[-1, 0] > 1200.0
-    landing = replace(begun(gorge), tail_enu_m=(1000.0, 900.0, 80.0))
-    assert [entry.rule for entry in construct(landing, straight(rows=40), 30).violations] == ["ending"]
+    behind_the_wall = replace(begun(gorge), tail_enu_m=(1000.0, 900.0, 80.0))
+    with_landing = construct(behind_the_wall, straight(rows=40), 30)
+    assert not with_landing.waypoints.continues_with_operator_items
+    np.testing.assert_array_equal(with_landing.waypoints.positions_enu_m, found.waypoints.positions_enu_m)
 
 
 def test_a_path_that_nowhere_has_room_for_a_circle_is_not_flown():
