@@ -9,6 +9,8 @@ from companion.frames import FloatArray
 from .pursuer import TargetEstimate
 from .reports import PROMPT, ReportSource
 
+VELOCITY = 4  # The first column of a track's velocity.
+
 
 class PassingAircraft:
     """Flies a track, whoever is near. Its place is that which its reports say: where it was when they began.
@@ -16,7 +18,7 @@ class PassingAircraft:
     Parameters
     ----------
     track : ndarray, shape (N, 7)
-        Time [s], east, north, up [m], and the velocity in these [m/s]; at its ends it stands.
+        Time [s], east, north, up [m], and the velocity in these [m/s]; behind its end it flies straight on.
     source : ReportSource, optional
         How it is reported; without it nothing is late and nothing lost.
     """
@@ -53,4 +55,8 @@ class PassingAircraft:
         return self._at(6)
 
     def _at(self, column: int) -> float:
-        return float(np.interp(self._now_s - self.source.delay_s, self._track[:, 0], self._track[:, column]))
+        track, now_s = self._track, self._now_s - self.source.delay_s
+        value = float(np.interp(now_s, track[:, 0], track[:, column]))
+        if column >= VELOCITY:
+            return value
+        return value + max(now_s - float(track[-1, 0]), 0.0) * float(track[-1, column + 3])

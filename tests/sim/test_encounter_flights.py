@@ -58,6 +58,13 @@ def test_a_report_a_second_tells_where_it_was_a_while_ago():
     assert np.abs(errors).max() < 40.0
 
 
+def test_an_aircraft_flies_on_behind_the_end_of_its_track():
+    aircraft = PassingAircraft(TRACK)
+    aircraft.step(90_000_000, 0.02, None)  # Half a minute later.
+    assert aircraft.position == (1000.0 - 60.0 * 90.0, 300.0)
+    assert (aircraft.up_m, aircraft.velocity_m_s, aircraft.climb_m_s) == (380.0, (-60.0, 0.0), 2.0)
+
+
 def test_the_stated_share_of_reports_is_lost():
     _, found = reports(PassingAircraft(TRACK, replace(ADSB, loss=0.5)), 60.0)
     assert 18 <= len(found) <= 42  # 30 expected of 60; three standard deviations.
