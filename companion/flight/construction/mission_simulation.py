@@ -249,7 +249,7 @@ def is_circle_taken(state: FlightState, centre: FloatArray, radius_m: float, arr
     centre : ndarray, shape (3,)
         Centre of the circle [m].
     radius_m : float
-        Its radius [m]; 0 for the autopilot's own.
+        Radius of the circle [m]; 0 for the autopilot's own.
     arrival_s : float
         Time of arrival at the circle, by the clock [s].
     """
