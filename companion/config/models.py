@@ -311,7 +311,8 @@ class LinkConfig(Section):
     """Which systems the service listens to."""
 
     vehicle_system_id: SystemId | None = None
-    """System id of the vehicle; by default that of the first autopilot that sends for a while. A team needs it."""
+    """System id of the vehicle; by default that of the first autopilot that sends for a while. Needed in a
+    team."""
     parameter_sources: tuple[SystemId, ...] = (255,)
     """Systems that may set parameters of this service; ground stations have 255."""
     track_sources: tuple[SystemId, ...] | None = None
