@@ -16,6 +16,7 @@ import numpy as np
 
 from tests.real.flights_pool import Binaries
 from tests.real.rig.autopilots import KINDS
+from tests.real.rig.mapped_ground import BEFORE_FIX_M
 from tests.real.rig.team_rig import Member, Radio
 
 LIMIT_S = 420.0
@@ -24,7 +25,6 @@ APART_M, APART_UP_M = 40.0, 20.0
 REACHED_M = 75.0  # A goal is reached within 60 m; positions are reported each 0.1 s.
 BEGIN_M = 15.0  # So high above home a member has taken off.
 TEAMS = {"plans": {}, "goals": {"share_goals": True}, "nothing": None}
-BEFORE_FIX_M = 20_000.0  # Positions from before the first fix lie farther away.
 
 
 def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1):
@@ -77,7 +77,7 @@ def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1)
         "kind": kind.name, "seed": seed, "team": team, "fault": fault,
         "arrived": [member.has_arrived() for member in members], **measures(members),
         "bytes": list(radio.num_bytes.values()),
-        "paths": [member.station.path if member.station else [] for member in members],
+        "paths": [member.path for member in members],
     }  # fmt: skip
     (folder / "flight.json").write_text(json.dumps(row), encoding="utf-8")
     return row
@@ -85,7 +85,7 @@ def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1)
 
 def measures(members):
     """How near the two came to each other, and each to an obstacle, once both had taken off."""
-    rows = [np.array(member.station.path) for member in members]
+    rows = [np.array(member.path).reshape(-1, 4) for member in members]
     airborne = [
         path[(path[:, 3] > BEGIN_M) & (np.abs(path[:, 1:3]).max(axis=1) < BEFORE_FIX_M)] for path in rows
     ]

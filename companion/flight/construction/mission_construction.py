@@ -238,15 +238,16 @@ def _candidates(
         for of_radius in circles
         for circle in of_radius[number]
     ]
+    goes_on_at = last if _may_go_on(state, path.positions_enu_m[last]) else None
     travelled, valid_until, num_tried, has_free = path.travelled_m, math.inf, 0, False
-    for end, circle, is_taken in _free_first(state, path, pairs, last):
+    for end, circle, is_taken in _free_first(state, path, pairs, goes_on_at):
         if num_tried == ENDS_MAX or (is_taken and has_free):
             return
         if travelled[end] >= valid_until:
             continue
         if any(state.rules.checker.circle_violations(circle.centre_enu_m, circle.radius_m, end)):
             continue
-        candidate = _fitted(state, path.until(end), airspeed_m_s, circle, is_last=end == last)
+        candidate = _fitted(state, path.until(end), airspeed_m_s, circle, goes_on=end == goes_on_at)
         candidate = _with_room(candidate, max_waypoints)
         valid_until = min(valid_until, candidate.valid_until_m)
         num_tried += 1
@@ -255,17 +256,16 @@ def _candidates(
 
 
 def _free_first(
-    state: FlightState, path: Path, pairs: Sequence[tuple[int, Circle]], last: int
+    state: FlightState, path: Path, pairs: Sequence[tuple[int, Circle]], goes_on_at: int | None
 ) -> Iterator[tuple[int, Circle, bool]]:
     """Ends of a path with circles, and whether an aircraft on a known route comes near; those come last.
 
-    At the goal the circle does not count if the operator's items follow.
+    At the end where the operator's items follow, no circle is flown.
     """
-    taken, goes_on = [], _may_go_on(state, path.positions_enu_m[last])
+    taken = []
     for end, circle in pairs:
-        is_flown = end != last or not goes_on
         arrival_s = float(path.times_s[end])
-        if is_flown and is_circle_taken(state, circle.centre_enu_m, circle.radius_m, arrival_s):
+        if end != goes_on_at and is_circle_taken(state, circle.centre_enu_m, circle.radius_m, arrival_s):
             taken.append((end, circle, True))
         else:
             yield end, circle, False
@@ -301,7 +301,7 @@ def _tolerance_m(state: FlightState) -> float:
 
 
 def _fitted(
-    state: FlightState, part: Path, airspeed_m_s: float, circle: Circle, *, is_last: bool
+    state: FlightState, part: Path, airspeed_m_s: float, circle: Circle, *, goes_on: bool
 ) -> Candidate:
     """Return the mission over a part of a path: heights over ground if asked for and allowed, else AMSL."""
     actions, ground = _actions_along(state, part), followed_ground(state)
@@ -309,7 +309,6 @@ def _fitted(
     best, track = _over(state, part, airspeed_m_s, circle, marked, ground)
     if best.violations and ground is not None:
         best, track = _over(state, part, airspeed_m_s, circle, marked, None)
-    goes_on = is_last and _may_go_on(state, best.waypoints.positions_enu_m[-1])
     if track is not None and not best.violations:
         lacking = lacking_in_other_winds(state, best.waypoints, track)
         arrival_s = float(part.times_s[-1])

@@ -11,7 +11,7 @@ from companion.flight.construction.mission_simulation import is_circle_taken
 from companion.mission.team.member_tracks import track_of_plan
 from companion.mission.team.shared_plan import SharedPlan
 from companion.types.threat import ThreatPicture
-from tests.flight.construction.test_cycle import OPEN, begun, straight
+from tests.flight.construction.test_cycle import begun, straight
 from tests.support.worlds import track
 
 # It flies north at 20 m/s from (0, -1000), is at the origin after 50 s, and ends after 100 s.
@@ -74,8 +74,7 @@ def test_a_goal_between_circles_of_others_is_passed_to_a_circle_that_is_free(sid
 def test_at_a_goal_that_a_landing_follows_nobody_circles(landing):
     """Then the circles of others count only for what ends before the goal."""
     others = tuple(circling(2 + number, 1500.0, north) for number, north in enumerate((-300.0, 300.0)))
-    text = OPEN.replace("east_m: 5000", "east_m: 1500")
-    made = begun("team: {members: [1, 2, 3]}", text)
+    made = begun("team: {members: [1, 2, 3]}")
     state = replace(made, picture=ThreatPicture(tracks=others), tail_enu_m=landing)
     found = construct(state, straight(), 37)
     assert (found.violations, found.faults.at_end) == ((), False)

@@ -4,12 +4,11 @@ import math
 import random
 import time
 
-from tests.real.rig.autopilots import Autopilot
+from tests.real.rig.autopilots import PORT_SERVICE, Autopilot
 from tests.real.rig.ground_station import GroundStation
 from tests.real.rig.relay import Relay, Tlog
 from tests.real.rig.service_process import ServiceProcess
 
-PORT_SERVICE = 21700
 AIRBORNE_M = 15.0
 LIMIT_S = {"near": 600.0, "paper": 900.0, "city": 700.0}
 CIRCLING_S = 90.0  # so long within one small place: it circles

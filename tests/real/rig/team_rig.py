@@ -11,7 +11,7 @@ import time
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim.team.simulated_radio import CARRIED
-from tests.real.rig.autopilots import ARDUPLANE, Autopilot
+from tests.real.rig.autopilots import ARDUPLANE, PORT_SERVICE, Autopilot
 from tests.real.rig.course import DESCENT_RADIUS_M, HOLD_RADIUS_M, Course, Item
 from tests.real.rig.ground_station import GroundStation
 from tests.real.rig.relay import Framer, Relay, Tlog
@@ -26,7 +26,6 @@ SHARED_GOALS = (
     (4800.0, 4250.0, 150.0), (3900.0, 500.0, 150.0), (3850.0, 2700.0, 150.0), (2800.0, 1650.0, 150.0)
 )  # fmt: skip
 ACCEPTED_M = 60.0
-PORT_SERVICE = 21700
 LATE_S = (0.1, 0.5)
 
 
@@ -178,6 +177,11 @@ class Member:
         assert self.station.upload(self.course.items) == 0
         self.service.start()
         self.service.wait_ready()
+
+    @property
+    def path(self):
+        """Time, east, north, up of each position so far [s], [m]."""
+        return [] if self.station is None else self.station.path
 
     def has_arrived(self):
         """Whether the service has reached the goal."""
