@@ -37,6 +37,7 @@ WIND_STEP_M_S = 0.5
 ROUNDED_M = 0.01  # The lowest nodes lie so far above the lowest height.
 HEAP_SHARE = 8  # Each node may wait so often in the heap.
 QUEUE_SHARE, NUM_BUCKETS = 2, 4096  # Each node may wait so often in each direction in the buckets.
+V_ERROR = 1.05  # On the grid, V of places that the best path passes is too large by less than this factor.
 ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
 KEPT = 8  # Fields of each kind that are kept; each takes a megabyte.
@@ -219,9 +220,17 @@ def buckets(num_nodes: int) -> Buckets:
 
 
 def field_before_pursuers(
-    problem: Problem, objective: Objective, danger_max: float, *, is_coarse: bool = False
+    problem: Problem,
+    objective: Objective,
+    danger_max: float,
+    cost_max: float = math.inf,
+    *,
+    is_coarse: bool = False,
 ) -> CostField:
     """Return V of all goals with the cost of pursuers; V is infinite where they bar the way.
+
+    V is infinite, too, at places through which no path costs at most ``cost_max``, by V without pursuers from
+    there on and a straight flight to there.
 
     Parameters
     ----------
@@ -231,11 +240,16 @@ def field_before_pursuers(
         What V adds up.
     danger_max : float
         Most danger from pursuers at which a place may be passed; with the most there is nothing is barred.
+    cost_max : float
+        A path that costs more is not wanted [s].
     is_coarse : bool
         Whether twice the usual spacing is enough.
     """
     start, prices, limits = problem.start, objective.prices, objective.limits
     field = _at_airspeed(_world(problem, objective)[is_coarse], objective)
+    if math.isfinite(cost_max) and not is_coarse:
+        is_near = _least_through(problem, objective) <= V_ERROR * cost_max
+        field = field._replace(rate=np.where(is_near, field.rate, np.inf))
     is_barred = danger_max < MOST_DANGER
     wave = Wave(
         start=np.array([*start.position_enu_m, start.stamp_s, start.airspeed_m_s, start.direction_rad]),
@@ -249,6 +263,28 @@ def field_before_pursuers(
     )
     fill_before_pursuers(wave, field, objective, _heap(field))
     return _with_values(field, problem, limits)
+
+
+def _least_through(problem: Problem, objective: Objective) -> FloatArray:
+    """Return a lower bound of J through each node of the fine field: straight flight there, and V from there.
+
+    Returns
+    -------
+    ndarray, shape (X, Y, Z)
+        In seconds.
+    """
+    field, start, limits = cost_to_go_of(problem, objective).fine, problem.start, objective.limits
+    num = len(field.rest)
+    to_go = field.values.reshape(num, -1, *field.rate.shape).min(axis=1)
+    x, y = (
+        field.grid[axis]
+        + field.grid[3 + axis] * np.arange(field.rate.shape[axis])
+        - start.position_enu_m[axis]
+        for axis in range(2)
+    )
+    fastest = limits.v_cruise + math.hypot(limits.wind_x, limits.wind_y)
+    there_s = np.hypot(x[:, None], y[None, :]) / fastest
+    return np.asarray((to_go + field.rest[:, None, None, None]).min(axis=0) + there_s[:, :, None])
 
 
 def _with_values(field: CostField, problem: Problem, limits: Limits) -> CostField:

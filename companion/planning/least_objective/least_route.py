@@ -20,8 +20,8 @@ from companion.planning.least_objective.cost_field import (
     is_near_ground,
     least_s,
 )
-from companion.planning.least_objective.prices import danger_along, objective_between, objective_of
-from companion.planning.least_objective.short_cuts import shortened_route
+from companion.planning.least_objective.prices import objective_between, objective_of
+from companion.planning.least_objective.short_cuts import loses_well_clear, shortened_route
 from companion.planning.least_objective.tree_growth import GrowthRules, ObjectiveTree
 from companion.planning.route import Route, finished_route, route_from_tree
 from companion.types.plan import SearchTrace
@@ -32,6 +32,7 @@ FASTER_FROM = 2.0
 GAP_M = (
     25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
 )
+NEXT_TO_NOTHING = 1.005  # Other aircraft that make a path cost so many times as much need no second search.
 FINISHING_S = 5.0  # Leading a path to the goal's centre may cost so much more than straight flight to there.
 
 
@@ -49,18 +50,34 @@ class Patience(NamedTuple):
     stride: int = 1
 
 
-# Trees are grown until one comes to the goal. Then one more is to find a cheaper path.
+class Effort(NamedTuple):
+    """The trees that one search grows.
+
+    Those of ``finding`` are grown in turn until one comes to the goal. Then ``improving``, if there is one,
+    is to find a cheaper path.
+    """
+
+    finding: tuple[Patience, ...]
+    improving: Patience | None
+
+    @property
+    def at_first(self) -> Effort:
+        """The least that may find a path, for a search that is followed by another one."""
+        return Effort(self.finding[:1], self.improving and PURSUED.improving)
+
+
 FINDING = (Patience(1.15, 2_000), Patience(2.0, 8_000), Patience(4.0, 10_000))
+# Before pursuers, a longer improvement gains nothing measurable; two of 50 flights under faults then flew out
+# of the bounds.
+PURSUED = Effort(FINDING, Patience(1.02, 2_000))
 # Where nothing pursues, gaps are avoided before the last tree. Else another airspeed is tried.
-FINDING_ALONE = (*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2])
+ALONE = Effort((*FINDING[:2], Patience(1.15, 8_000, True), FINDING[2]), Patience(1.02, 8_000))
 # Over ground, where the aircraft climbs and sinks all the time, short motions make a tree far too large. Its
 # motions are about as long as the cells of V. Short ones that follow V closely find the way through the rest.
-FINDING_NEAR_GROUND = (
-    Patience(1.2, 3_000, stride=3), Patience(2.0, 10_000, stride=4), Patience(3.0, 40_000)
-)  # fmt: skip
-IMPROVING = Patience(1.02, 8_000)
-# Before pursuers, more gains nothing measurable; two of 50 flights under faults then flew out of the bounds.
-IMPROVING_PURSUED = Patience(1.02, 2_000)
+# Improving costs more time there than it gains.
+NEAR_GROUND = Effort(
+    (Patience(1.2, 3_000, stride=3), Patience(2.0, 10_000, stride=4), Patience(3.0, 40_000)), None
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,34 +174,38 @@ class LeastRouteSearch:
             return self._past_others()
         found = self._at_best_airspeed(self._exploration.danger_max)
         if found is None or not found.reached:
-            found = self._at_best_airspeed(MOST_DANGER)
-            assert found is not None  # Nothing is barred, so that the airspeed tried first has a result.
+            found = _cheapest(self._at_best_airspeed(MOST_DANGER))  # It has one: nothing is barred.
         self._exploration.start_afresh(found.objective.limits.v_cruise)
         return found
 
     def _past_others(self) -> Searched:
         """Return the cheapest path past aircraft that fly on, at cruise or faster.
 
-        V includes their predicted positions only if a path found without them comes near to one. A higher
-        airspeed is tried, too, if they make the flight at cruise much more expensive.
+        V includes their predicted positions only if a path found soon without that is much cheaper without
+        them. A higher airspeed is tried, too, if they make the flight at cruise much more expensive.
         """
-        cruise = self._airspeeds[0]
-        best = self._search(cruise, self._field_alone(), MOST_DANGER)
-        if not len(self._exploration.game.vehicles) or self._is_clear_of_all(best):
+        cruise, alone = self._airspeeds[0], self._field_alone()
+        if not len(self._exploration.game.vehicles):
+            return self._search(cruise, alone, MOST_DANGER)
+        best = self._search(cruise, alone, MOST_DANGER, self._effort.at_first)
+        if self._cost_nothing(best):
             return best
-        for airspeed in self._exploration.airspeeds_m_s:
-            known = cruise if airspeed == cruise.airspeed_m_s else self._at(airspeed)
-            found = self._search(known, self._field(known, MOST_DANGER), MOST_DANGER)
-            self.bound_s = min(self.bound_s, known.bound_s)
-            best = min((found, best), key=lambda each: each.cost_s)
-            if best.cost_s < FASTER_FROM * cruise.bound_s or self._should_stop():
-                break
+        enough_s, field = FASTER_FROM * cruise.bound_s, self._field(cruise, MOST_DANGER, best.cost_s)
+        if least_s(field, self._place) < enough_s:
+            best = _cheapest(best, self._search(cruise, field, MOST_DANGER))
+        if best.cost_s >= enough_s and not self._should_stop():
+            self._airspeeds += [self._at(airspeed) for airspeed in self._exploration.airspeeds_m_s[1:]]
+            self.bound_s = min(each.bound_s for each in self._airspeeds)
+            best = _cheapest(best, self._at_best_airspeed(MOST_DANGER))
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
 
-    def _is_clear_of_all(self, found: Searched) -> bool:
-        """Return whether a path reaches the goal and no other aircraft adds to its cost."""
-        return found.reached and danger_along(found.objective, found.route) == 0.0
+    def _cost_nothing(self, found: Searched) -> bool:
+        """Return whether a path reaches the goal and other aircraft hardly add to its cost."""
+        if not found.reached or loses_well_clear(found.objective, found.route):
+            return False
+        without = found.objective._replace(prices=found.objective.prices._replace(pursued=0.0))
+        return found.cost_s <= NEXT_TO_NOTHING * objective_between(without, found.route)
 
     def _to_goals_before(self) -> Searched:
         """Return a path to as many goals, in their order, as can be reached; the last one cannot."""
@@ -212,10 +233,9 @@ class LeastRouteSearch:
         known = cost_to_go_of(self._exploration.problem, objective)
         return _AtAirspeed(airspeed_m_s, objective, known.bound_s(self._place))
 
-    def _field(self, known: _AtAirspeed, danger_max: float, *, is_coarse: bool = False) -> CostField:
-        """Return V with pursuers."""
-        problem = self._exploration.problem
-        return field_before_pursuers(problem, known.objective, danger_max, is_coarse=is_coarse)
+    def _field(self, known: _AtAirspeed, danger_max: float, cost_max: float = math.inf) -> CostField:
+        """Return V with pursuers where paths may cost at most ``cost_max``."""
+        return field_before_pursuers(self._exploration.problem, known.objective, danger_max, cost_max)
 
     def _at_best_airspeed(self, danger_max: float) -> Searched | None:
         """Return the cheapest path at any airspeed, tried in the order of V at the start on coarse fields.
@@ -237,24 +257,26 @@ class LeastRouteSearch:
             if 0.0 < coarse_s < math.inf:
                 share = max(share, min(1.0, fine_s / coarse_s))
             found = self._search(known, field, danger_max)
-            best = min((best or found, found), key=lambda each: each.cost_s)
+            best = _cheapest(best, found)
         return best
 
     def _in_order(self, danger_max: float) -> list[tuple[float, _AtAirspeed]]:
         """Return V at the start on coarse fields and the airspeeds: least V first, then the fastest."""
-        known = [
-            (least_s(self._field(each, danger_max, is_coarse=True), self._place), each)
-            for each in self._airspeeds
-        ]
+        problem, known = self._exploration.problem, list[tuple[float, _AtAirspeed]]()
+        for each in self._airspeeds:
+            field = field_before_pursuers(problem, each.objective, danger_max, is_coarse=True)
+            known.append((least_s(field, self._place), each))
         return sorted(known, key=lambda entry: (entry[0], -entry[1].airspeed_m_s))
 
-    def _search(self, known: _AtAirspeed, field: CostField, danger_max: float) -> Searched:
+    def _search(
+        self, known: _AtAirspeed, field: CostField, danger_max: float, effort: Effort | None = None
+    ) -> Searched:
         """Grow trees at one airspeed; return the cheapest path, shortened, or the nearest branch."""
         exploration, objective = self._exploration, known.objective
         exploration.start_afresh(known.airspeed_m_s)
         if math.isinf(least_s(field, self._place)):
             return Searched(route_from_tree(exploration, 0), math.inf, objective, SearchTrace(), 1)
-        grown = self._grown(objective, field, danger_max)
+        grown = self._grown(objective, field, danger_max, effort or self._effort)
         best, num_nodes = min(grown, key=lambda tree: tree.cost_s), sum(tree.num_nodes for tree in grown)
         route = best.route()
         if best.end < 0:
@@ -264,24 +286,27 @@ class LeastRouteSearch:
         notes = (*self._notes_about(known, danger_max), f"{num_cuts} short cuts")
         return Searched(route, cost_s, objective, best.trace(), num_nodes, notes)
 
-    def _grown(self, objective: Objective, field: CostField, danger_max: float) -> list[ObjectiveTree]:
-        """Grow trees, each greedier, until one reaches the goal, and then one more for a cheaper path.
+    @property
+    def _effort(self) -> Effort:
+        """The trees that a search grows in this world."""
+        if is_near_ground(self._exploration.problem):
+            return NEAR_GROUND
+        return PURSUED if self._exploration.is_pursued else ALONE
 
-        Over ground the last one is left out: it costs more time than it gains.
-        """
-        grown = list[ObjectiveTree]()
-        finding: tuple[Patience, ...] = FINDING if self._exploration.is_pursued else FINDING_ALONE
-        is_near = is_near_ground(self._exploration.problem)
-        if is_near:
-            finding = FINDING_NEAR_GROUND
-        for asked in FINDING[::2] if self._should_stop() else finding:
+    def _grown(
+        self, objective: Objective, field: CostField, danger_max: float, effort: Effort
+    ) -> list[ObjectiveTree]:
+        """Grow trees, each greedier, until one reaches the goal, and then one more for a cheaper path."""
+        grown, finding = list[ObjectiveTree](), effort.finding
+        if self._should_stop():
+            finding = finding[:: max(1, len(finding) - 1)]  # The first and the last.
+        for asked in finding:
             along = self._field_without_gaps(objective) if asked.avoids_gaps else field
             grown.append(self._tree(objective, along, danger_max, asked, math.inf))
             if math.isfinite(found_s := grown[-1].cost_s):
                 break
-        if math.isfinite(found_s) and not self._should_stop() and not is_near:
-            improving = IMPROVING_PURSUED if self._exploration.is_pursued else IMPROVING
-            grown.append(self._tree(objective, along, danger_max, improving, found_s))
+        if math.isfinite(found_s) and effort.improving is not None and not self._should_stop():
+            grown.append(self._tree(objective, along, danger_max, effort.improving, found_s))
         return grown
 
     def _tree(
@@ -333,3 +358,8 @@ class LeastRouteSearch:
         if danger_max == MOST_DANGER and self._exploration.is_pursued:
             notes.append("no path that pursuers could not bar was found")
         return tuple(notes)
+
+
+def _cheapest(*found: Searched | None) -> Searched:
+    """Return the cheapest of what was found, the first of several."""
+    return min((each for each in found if each is not None), key=lambda each: each.cost_s)
