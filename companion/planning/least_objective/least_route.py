@@ -95,7 +95,7 @@ class Searched:
     trace : SearchTrace
         The tree that it comes from.
     num_nodes : int
-        Nodes of all trees.
+        Nodes of all trees at this airspeed, of the search that found the path.
     notes : tuple of str
         What had to be given up, and how often the path was shortened.
     """
