@@ -172,9 +172,10 @@ class LeastRouteSearch:
             return self._to_goals_before()
         if not self._exploration.is_pursued:
             return self._past_others()
-        found = self._at_best_airspeed(self._exploration.danger_max)
+        found = self._at_best_airspeed(self._airspeeds, self._exploration.danger_max)
         if found is None or not found.reached:
-            found = _cheapest(self._at_best_airspeed(MOST_DANGER))  # It has one: nothing is barred.
+            found = self._at_best_airspeed(self._airspeeds, MOST_DANGER)
+            assert found is not None  # Nothing is barred, so that the airspeed tried first has a result.
         self._exploration.start_afresh(found.objective.limits.v_cruise)
         return found
 
@@ -191,12 +192,13 @@ class LeastRouteSearch:
         if self._cost_nothing(best):
             return best
         enough_s, field = FASTER_FROM * cruise.bound_s, self._field(cruise, MOST_DANGER, best.cost_s)
+        left = [cruise]
         if least_s(field, self._place) < enough_s:
-            best = _cheapest(best, self._search(cruise, field, MOST_DANGER))
+            best, left = _cheapest(best, self._search(cruise, field, MOST_DANGER)), []
         if best.cost_s >= enough_s and not self._should_stop():
-            self._airspeeds += [self._at(airspeed) for airspeed in self._exploration.airspeeds_m_s[1:]]
-            self.bound_s = min(each.bound_s for each in self._airspeeds)
-            best = _cheapest(best, self._at_best_airspeed(MOST_DANGER))
+            left += [self._at(airspeed) for airspeed in self._exploration.airspeeds_m_s[1:]]
+            self.bound_s = min([self.bound_s, *(each.bound_s for each in left)])
+            best = _cheapest(best, self._at_best_airspeed(left, MOST_DANGER, best))
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
 
@@ -237,33 +239,34 @@ class LeastRouteSearch:
         """Return V with pursuers where paths may cost at most ``cost_max``."""
         return field_before_pursuers(self._exploration.problem, known.objective, danger_max, cost_max)
 
-    def _at_best_airspeed(self, danger_max: float) -> Searched | None:
-        """Return the cheapest path at any airspeed, tried in the order of V at the start on coarse fields.
+    def _at_best_airspeed(
+        self, airspeeds: list[_AtAirspeed], danger_max: float, best: Searched | None = None
+    ) -> Searched | None:
+        """Return the cheapest path at any of these airspeeds, or ``best``; V at the start gives their order.
 
         Airspeeds are skipped once V, reduced by what it falls by on the fine field, is no less than the cost
         of a path that was found. The result is None if pursuers bar all paths: at the highest airspeed on the
         fine field, and at the others on coarse ones. A slower aircraft arrives later, apart from its tighter
         first turn.
         """
-        best, share = None, 0.0
-        for coarse_s, known in self._in_order(danger_max):
+        share = 0.0
+        for coarse_s, known in self._in_order(airspeeds, danger_max):
             likely_s = max(known.bound_s, share * coarse_s if math.isfinite(coarse_s) else 0.0)
             if best is not None and (likely_s >= best.cost_s or self._should_stop()):
                 continue
             field = self._field(known, danger_max)
             fine_s = least_s(field, self._place)
-            if math.isinf(fine_s) and known is self._airspeeds[-1] and danger_max < MOST_DANGER:
+            if math.isinf(fine_s) and known is airspeeds[-1] and danger_max < MOST_DANGER:
                 break
             if 0.0 < coarse_s < math.inf:
                 share = max(share, min(1.0, fine_s / coarse_s))
-            found = self._search(known, field, danger_max)
-            best = _cheapest(best, found)
+            best = _cheapest(best, self._search(known, field, danger_max))
         return best
 
-    def _in_order(self, danger_max: float) -> list[tuple[float, _AtAirspeed]]:
+    def _in_order(self, airspeeds: list[_AtAirspeed], danger_max: float) -> list[tuple[float, _AtAirspeed]]:
         """Return V at the start on coarse fields and the airspeeds: least V first, then the fastest."""
         problem, known = self._exploration.problem, list[tuple[float, _AtAirspeed]]()
-        for each in self._airspeeds:
+        for each in airspeeds:
             field = field_before_pursuers(problem, each.objective, danger_max, is_coarse=True)
             known.append((least_s(field, self._place), each))
         return sorted(known, key=lambda entry: (entry[0], -entry[1].airspeed_m_s))
