@@ -18,6 +18,7 @@ from companion.types.plan import PlanStatus, PursuitRisk
 from companion.types.threat import Obstacle
 from tests.games.generator import random_game
 from tests.games.oracle import first_threatened_s, game_of, threatened_at
+from tests.support import exact_pursuit
 from tests.support.exact_paths import memberships
 from tests.support.exact_pursuit import PursuedGrid
 from tests.support.worlds import problem, track
@@ -224,6 +225,20 @@ def test_on_the_papers_map_nobody_flies_both_out_of_sight_and_out_of_reach(trap)
     assert (round(weighed.seen_s), round(weighed.threatened_s)) == (11, 48)
     out_of_reach = least_of_airspeeds(grid, seen=3.0, pursued=1000.0)
     assert (round(out_of_reach.seen_s), round(out_of_reach.threatened_s)) == (53, 11)
+
+
+@pytest.mark.slow
+def test_on_the_papers_map_whoever_is_seen_for_half_as_long_is_long_under_threat(trap, monkeypatch):
+    """By duality: no flight costs less than the least at these prices, which bounds the time under threat.
+
+    Nobody passes a place sooner than at the highest airspeed from the start, at no cost of energy.
+    """
+    monkeypatch.setattr(exact_pursuit, "SLACK_S", 1e-6)  # Only what is under threat has a price.
+    least = trap(RADARS).least(
+        START, GOAL, fly_s=flights_to(1.5 * CRUISE_M_S), energy_at=lambda _speed: 0.0, seen=5.0, pursued=10.0
+    )
+    half_seen_s, latest_s = 0.5 * 57.5, 1.08 * 112.9
+    assert (least.cost_s - latest_s - 5.0 * half_seen_s) / 10.0 > 19.0
 
 
 @pytest.mark.slow
