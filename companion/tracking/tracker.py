@@ -15,7 +15,7 @@ from companion.tracking.detection import Detection
 from companion.tracking.threat_assigner import ThreatAssigner, VehicleClass, VehicleClassSettings
 from companion.tracking.track import Track, TrackSettings
 from companion.types.events import Emitter, TrackReport
-from companion.types.threat import DynamicThreat, TrackState
+from companion.types.threat import REPORTED_SPEED_MAX_M_S, DynamicThreat, TrackState
 
 TWIN_DISTANCE = 13.28  # Squared distance that 99 % of true pairs do not exceed, with four degrees of freedom.
 TWIN_HEIGHT_M = 100.0  # A barometer may differ from a GPS receiver by this much.
@@ -70,7 +70,7 @@ class TrackerSettings:
     future_tolerance_s: float = 0.5
     range_max_m: float = 100_000.0
     altitude_max_m: float = 20_000.0
-    speed_max_m_s: float = 400.0
+    speed_max_m_s: float = REPORTED_SPEED_MAX_M_S
     twin_sightings: int = 6
     position_std_m: float = 8.0
     position_std_min_m: float = 0.5

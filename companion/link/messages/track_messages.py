@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 from companion.link.messages.heights import Datum, Height
 from companion.link.messages.vehicle_telemetry import (
-    SPEED_MAX_M_S,
     Message,
     RefusedError,
     Telemetry,
@@ -30,6 +29,7 @@ from companion.link.messages.vehicle_telemetry import (
 from companion.link.wire.framing import RawFrame
 from companion.types.events import Emitter, TrackReport
 from companion.types.mavlink_enums import AdsbAltitudeType, ComponentId, EmitterType, VehicleType
+from companion.types.threat import REPORTED_SPEED_MAX_M_S
 
 _ECHO_MEMORY_S = 10.0
 ECHO_IDENTITIES_MAX = 10_000  # Of more identities, those that were received longest ago are forgotten.
@@ -332,7 +332,9 @@ class Tracks:
     def _follow(self, message: Message, frame: RawFrame) -> ReportParts:
         velocity_enu_m_s = None
         if message.est_capabilities & 0x02:
-            north, east, down = (finite(value, SPEED_MAX_M_S, "track_velocity") for value in message.vel)
+            north, east, down = (
+                finite(value, REPORTED_SPEED_MAX_M_S, "track_velocity") for value in message.vel
+            )
             velocity_enu_m_s = velocity(east, north, -down, "track_velocity")
         std = finite(message.position_cov[0], _STD_MAX_M, "track_accuracy")
         return ReportParts(

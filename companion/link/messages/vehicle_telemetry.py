@@ -41,9 +41,9 @@ from companion.types.mavlink_enums import (
     ModeFlag,
     SystemState,
 )
+from companion.types.threat import REPORTED_SPEED_MAX_M_S
 
 TEAM_PAYLOAD = 0xA7E1  # A TUNNEL payload type above 32,767 is one's own, until MAVLink registers one.
-SPEED_MAX_M_S = 400.0  # Beyond the 700 kt that DAIDALUS counts on; the tracker has the same limit.
 ALTITUDE_RANGE_M = (-1_000.0, 30_000.0)
 NO_FIX_DEG = 0.01  # A position this close to 0°, 0°, in the sea off Africa, was sent before the first fix.
 
@@ -93,7 +93,7 @@ def altitude(value_m: float, reason: str) -> float:
 
 def velocity(east_m_s: float, north_m_s: float, up_m_s: float, reason: str) -> tuple[float, float, float]:
     """Return east, north and up [m/s] if an aircraft can be that fast, else raise RefusedError."""
-    if not (math.hypot(east_m_s, north_m_s, up_m_s) <= SPEED_MAX_M_S):  # NaN compares false
+    if not (math.hypot(east_m_s, north_m_s, up_m_s) <= REPORTED_SPEED_MAX_M_S):  # NaN compares false
         raise RefusedError(reason)
     return float(east_m_s), float(north_m_s), float(up_m_s)
 
@@ -244,8 +244,8 @@ class Telemetry:
         return Attitude(stamp_s, *angles)
 
     def _air_data(self, message: Message, _frame: RawFrame, stamp_s: float) -> AirData:
-        airspeed = finite(message.airspeed, SPEED_MAX_M_S, "airspeed")
-        over_ground = finite(message.groundspeed, SPEED_MAX_M_S, "ground_speed")
+        airspeed = finite(message.airspeed, REPORTED_SPEED_MAX_M_S, "airspeed")
+        over_ground = finite(message.groundspeed, REPORTED_SPEED_MAX_M_S, "ground_speed")
         return AirData(stamp_s, airspeed, over_ground, min(max(message.throttle, 0), 100) * 1e-2)
 
     def _wind(self, message: Message, _frame: RawFrame, stamp_s: float) -> WindEstimate:
@@ -258,7 +258,9 @@ class Telemetry:
         """Decode WIND_COV of PX4: the air's velocity north and east; an accuracy of 0 or NaN is unknown."""
         east, north = finite(message.wind_y, 150.0, "wind"), finite(message.wind_x, 150.0, "wind")
         std_m_s = message.horiz_accuracy
-        return WindEstimate(stamp_s, east, north, std_m_s if 0.0 < std_m_s < SPEED_MAX_M_S else WIND_STD_M_S)
+        return WindEstimate(
+            stamp_s, east, north, std_m_s if 0.0 < std_m_s < REPORTED_SPEED_MAX_M_S else WIND_STD_M_S
+        )
 
     def _accuracy(self, message: Message, stamp_s: float) -> EstimatorAccuracy:
         horizontal = finite(message.pos_horiz_accuracy, _STD_MAX_M, "accuracy")

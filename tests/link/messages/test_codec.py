@@ -268,7 +268,7 @@ def test_an_accuracy_that_cannot_be_true_hides_no_fault():
         (position(lat=2405, lon=-1833), "position"),  # of a real ArduPlane before its GPS had a fix
         (position(alt=-2_000_000), "altitude"),
         (position(alt=40_000_000), "altitude"),
-        (position(vx=32_767, vy=32_767), "velocity"),
+        (position(vx=32_767, vy=32_767, vz=32_767), "velocity"),
         (packed(mavlink.MAVLink_vfr_hud_message(math.nan, 24.0, 90, 50, 0.0, 0.0)), "airspeed"),
         (packed(mavlink.MAVLink_vfr_hud_message(20.0, math.inf, 90, 50, 0.0, 0.0)), "ground_speed"),
         (packed(mavlink.MAVLink_attitude_message(5, math.nan, 0, 0, 0, 0, 0)), "attitude"),
