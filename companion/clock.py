@@ -72,6 +72,11 @@ class ManualClock:
         heapq.heappush(self._sleepers, (instant_s, next(self._order), future))
         await future
 
+    @property
+    def is_awaited(self) -> bool:
+        """Whether anybody sleeps until an instant of this clock."""
+        return bool(self._sleepers)
+
     def advance_to(self, instant_s: float) -> int:
         """Move the clock and wake every sleeper that is due, earliest first.
 

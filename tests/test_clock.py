@@ -46,12 +46,15 @@ def test_an_instant_that_has_come_is_not_waited_for_but_others_get_their_turn():
 
 async def test_nobody_wakes_early():
     clock = ManualClock()
+    assert not clock.is_awaited
     task = asyncio.create_task(clock.sleep_until(1.0))
     await settle()
+    assert clock.is_awaited
     assert clock.advance_to(0.999) == 0
     await settle()
     assert not task.done()
     assert clock.advance_to(1.0) == 1
+    assert not clock.is_awaited
     await settle()
     assert task.done()
 
