@@ -77,7 +77,7 @@ def look_up_gain(v: float, w: float, phi: float, theta: float, tables: Uncertain
 
 @kernel
 def congruence(m: Float2D, c: Float2D, scratch: Float2D, out: Float2D) -> None:
-    """``m·c·mᵀ`` of ``m`` (6, 6) and ``c`` (6, 6) into ``out`` (6, 6); ``scratch`` (6, 6) is used up."""
+    """``m·c·mᵀ`` of ``m`` (6, 6) and ``c`` (6, 6) into ``out`` (6, 6); ``scratch`` (6, 6) is overwritten."""
     for i in range(6):
         for j in range(6):
             total = 0.0

@@ -206,7 +206,7 @@ def fly_targets(
 ) -> None:  # fmt: skip
     """Fly leg by leg, then round a circle; one state in ``every`` steps is written to ``rows`` (K, 7).
 
-    ``state`` (6,) e n up psi phi v is used up. ``places`` (M + 1, 3) the start of the first leg, and the
+    ``state`` (6,) e n up psi phi v is overwritten. ``places`` (M + 1, 3) the start of the first leg, and the
     targets. ``circle`` (4,) centre and signed radius of what follows the last; radius 0: its leg goes on.
     A row is e, n, up, course over the ground, bank, climb angle, and the number of the target: M behind
     the last. Heights of targets follow the ``ground`` if it has a step; the circle is level.

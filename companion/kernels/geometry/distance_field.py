@@ -1,8 +1,9 @@
 """Distance fields round obstacles to a sub goal, and samples that follow them.
 
 GoalZoom (paper 4.4.1) samples the ball about the sub goal that the tree has not entered yet. Behind a
-wall that ball is the wrong place: what counts there is the distance round it. Here that is a field on a
-grid, and a share of the samples lies a little ahead, down the field, of nodes that are far on.
+wall that ball is the wrong place: what counts there is the distance round it. A field on a
+grid holds that distance. A share of the samples is drawn a little ahead of nodes that have come far, in the
+direction in which the distance falls.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def fill_distances(point: Float1D, distances: DistanceField, free: Float2D) -> N
 
 @kernel
 def _sweep(field: Float2D, free: Float2D, cell: float, step: int) -> bool:
-    """One sweep over all rows, each crossed both ways; whether anything changed.
+    """Sweep over all rows, each in both directions; return whether anything changed.
 
     ``field`` (N, M) distances so far [m]; ``free`` (N, M) as in :func:`fill_distances`.
     """
@@ -127,7 +128,7 @@ def distance_to_go(distances: DistanceField, x: float, y: float) -> float:
 def draw_ahead(
     draws: Float1D, tree: Tree, distances: DistanceField, sub_goal: Float1D, limits: Limits, q_s: Float1D
 ) -> bool:
-    """Draw a sample ahead of a node that is far on; return False if no way leads from any node.
+    """Draw a sample ahead of a node that has come far; return False if no way leads from any node.
 
     Of ``PICKS`` nodes drawn from the tree, the one with the least distance to go is followed, up to
     ``distances.ahead`` metres down the field, and the sample is uniform in a disc there. Its height lies

@@ -82,7 +82,7 @@ def is_in_sight(rate: Float3D, u: float, v: float, i: int, j: int, k: int) -> bo
 
 @kernel_numpy_errors
 def begin_wave(wave: Wave, field: CostField, limits: Limits, heap: Heap) -> int:
-    """Begin at the nodes in sight about the start, all others infinite; the heap's size.
+    """Begin at the nodes in sight about the start, all others infinite; return the heap's size.
 
     Near a point a wave's front is too bent for upwind differences, so that it
     begins with the exact times as far as :data:`BEGUN_RADII` turning radii.
@@ -156,7 +156,7 @@ def spread(
     heap: Heap,
     size: int,
 ) -> int:
-    """Renew the neighbours of a node that the wave has reached; the heap's new size.
+    """Renew the neighbours of a node that the wave has reached; return the heap's new size.
 
     ``danger`` is what a second costs more there; ``crossing`` is the time that crossing the spacing takes
     [s]; ``pace`` (4,) as in :func:`renewed`; ``grid`` (6,) is the field's.

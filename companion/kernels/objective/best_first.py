@@ -142,11 +142,12 @@ def _slot(cells: Cells, key: int) -> int:
 
 @kernel
 def fly_on(nodes: Nodes, first: int, at: int, way: int, phi: float, limits: Limits, rules: Rules) -> int:
-    """Rows of one motion from node ``at`` from row ``first`` on; the last one, or -1 where it breaks a limit.
+    """Write one motion from node ``at`` to the rows from ``first`` on; return the last row.
 
-    ``way`` turns left (1), right (-1) or flies straight (0); ``phi`` is the climb angle that is gone to
-    [rad]. A turn has ``rules.stride`` steps; straight flight goes on until another turn may begin. The motion
-    ends at the goal. Only states, rates, the turn rule and the goals passed are filled in.
+    The answer is -1 if the motion breaks a limit. ``way`` turns left (1), right (-1) or flies straight (0);
+    ``phi`` is the climb angle that is gone to [rad]. A turn has ``rules.stride`` steps; straight flight goes
+    on until another turn may begin. The motion ends at the goal. Only states, rates, the turn rule and the
+    goals passed are filled in.
     """
     tau, stage = limits.tau, nodes.stage[at]
     straight = nodes.straight[at] if nodes.turn[at] == 0 else 0.0
@@ -246,7 +247,7 @@ def turning_share(state: Float1D, goal: Float1D, limits: Limits) -> float:
 
 @kernel
 def enter(search: BestFirst, last: int) -> bool:
-    """Queue node ``last`` unless its cell has one that is as good; whether it was queued."""
+    """Queue node ``last`` unless its cell has one that is as good; return whether it was queued."""
     nodes, cells, field, heap, sizes = search.nodes, search.cells, search.field, search.heap, search.sizes
     state, stage = nodes.state[last], nodes.stage[last]
     key = _cell(nodes, last, search.objective.limits, search.rules.stride)
@@ -292,7 +293,7 @@ def extend_by_one(search: BestFirst, at: int, way: int) -> int:
 
 @kernel
 def grow_best_first(search: BestFirst, most: int) -> int:
-    """Grow the tree until the last goal is reached; the node there, or why there is none.
+    """Grow the tree until the last goal is reached; return the node there, or why there is none.
 
     :data:`EXHAUSTED` where no way leads there, :data:`FULL` where there is no room for more nodes,
     :data:`UNFINISHED` after ``most`` nodes were extended: then it goes on if it is called again.

@@ -257,7 +257,7 @@ def is_inside(value: Float3D, i: int, j: int, k: int) -> bool:
 def offer(
     value: Float3D, rate: Float3D, node: int, crossing: float, pace: Float1D, heap: Heap, size: int
 ) -> int:  # fmt: skip
-    """Renew the neighbours of a node that was settled; the heap's new size.
+    """Renew the neighbours of a node that was settled; return the heap's new size.
 
     ``value`` and ``rate`` (NX, NY, NZ) as in :class:`CostField`; ``node`` is the node's number; ``crossing``
     is the time that crossing the spacing takes [s]; ``pace`` (4,) as in :func:`renewed`.

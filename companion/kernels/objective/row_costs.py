@@ -263,7 +263,7 @@ def fill_deviations(
     """Largest standard deviation of the position after each step of straight flight [m].
 
     It goes into ``deviations`` (K,), the present one first. ``state`` (6,) is where the flight begins;
-    ``errors`` and ``estimates`` (2, 6, 6) hold P and Λ there in their first rows, and are used up.
+    ``errors`` and ``estimates`` (2, 6, 6) hold P and Λ there in their first rows, and are overwritten.
     """
     straight = (0.0, 0.0, 0.0)
     for step in range(deviations.shape[0]):

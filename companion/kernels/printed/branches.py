@@ -69,7 +69,7 @@ def enter_below(tree: Tree, branches: Branches, root: int) -> None:
 def activate(tree: Tree, centre: Float1D, horizon: float, end: int, root: int, below: Int1D) -> None:
     """Search ``end``, and the nodes below ``root`` within ``horizon`` metres of ``centre`` (3,) [m].
 
-    Other branches have not passed the goals before ``root``. ``below`` (N,) is used up.
+    Other branches have not passed the goals before ``root``. ``below`` (N,) is overwritten.
     """
     for i in range(tree.count[0]):
         tree.active[i] = 1 if distance_to(tree.state[i], centre) <= horizon else 0
@@ -81,7 +81,7 @@ def activate(tree: Tree, centre: Float1D, horizon: float, end: int, root: int, b
 
 @kernel
 def path_to(tree: Tree, root: int, goal: int, path: Int1D) -> int:
-    """Nodes from the goal back to ``root``, into ``path`` (P,); how many."""
+    """Write the nodes from the goal back to ``root`` to ``path`` (P,); return how many there are."""
     n, i = 0, goal
     while n < path.shape[0]:
         path[n] = i
@@ -94,7 +94,7 @@ def path_to(tree: Tree, root: int, goal: int, path: Int1D) -> int:
 
 @kernel
 def remove_below(tree: Tree, branches: Branches, top_node: int, stack: Int1D) -> int:
-    """Take a node and all below it out of the search; how many there were. ``stack`` (N,) is used up."""
+    """Remove a node and all below it from the search; return how many. ``stack`` (N,) is overwritten."""
     detach_child(tree, branches, top_node)
     stack[0], top, n = top_node, 1, 0
     while top > 0:
@@ -124,7 +124,7 @@ def keeps_turn_rule_below(
 ) -> bool:
     """Return whether all edges below ``b`` stay flyable when it is reached after another turn.
 
-    Only as deep as the change is felt: past ``sl_min`` of straight flight, or a turn, it is not.
+    The walk goes down as far as the change matters: not past ``sl_min`` of straight flight, or past a turn.
     """
     stack, turns, straights = walk.stack, walk.turns, walk.lengths
     stack[0], top = b, 1
@@ -162,8 +162,8 @@ def shift_below(
 ) -> None:
     """Carry a change of cost and time stamp at ``b`` to all nodes below it.
 
-    Turn rule and covariance change with it; the filter forgets, and where δ_q has settled the nodes
-    below keep theirs.
+    The turn rule and the covariance change with it. The filter forgets its start: from a node on whose δ_q
+    hardly changes, all nodes below keep their covariance.
     """
     stack, felt = walk.stack, walk.felt
     stack[0], felt[0], top = b, 1, 1

@@ -121,7 +121,7 @@ def grow_straight(
 
 @kernel
 def enter_sub_task(tree: Tree, scene: Scene, sub_goal: Float1D) -> float:
-    """Note each searched node's distance to go; the least distance to ``sub_goal`` (3,) [m]."""
+    """Note each searched node's distance to go; return the least one to ``sub_goal`` (3,) [m]."""
     nearest = math.inf
     for i in range(tree.count[0]):
         if tree.active[i] == 1:

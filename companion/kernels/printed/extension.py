@@ -53,7 +53,7 @@ def extend_or_descend(
     tree: Tree, q_n: int, q_s: Float1D, centre: Float1D, horizon: float, obstacles: Obstacles,
     limits: Limits, step: Step, stats: Int1D,
 ) -> tuple[int, int]:  # fmt: skip
-    """:func:`extend`, following children that were made by the same control; the node and the outcome.
+    """Extend a node, or a child that was made by the same control; return the node and the outcome.
 
     ``q_s`` (3,) the sample and ``centre`` (3,) of the horizon [m]; ``stats`` (4,) as there.
     """

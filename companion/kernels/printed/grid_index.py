@@ -89,7 +89,7 @@ def keep(near: KNearest, found: int, k: int, square: float, row: int) -> int:
 
 @kernel_numpy_errors
 def nearest_of_all(rows: Float2D, n: int, active: Int1D, x: float, y: float, k: int, near: KNearest) -> int:
-    """Return the ``k`` nearest of ``n`` rows, by looking at each; how many there are.
+    """Find the ``k`` nearest of ``n`` rows by looking at each; return how many there are.
 
     ``rows`` (N, ≥ 2) places [m]; ``active`` (N,) marks those that count, empty: all do.
     """
@@ -180,7 +180,7 @@ def nearest(
     index: GridIndex, rows: Float2D, n: int, bounds: Float1D, active: Int1D, x: float, y: float,
     k: int, near: KNearest,
 ) -> int:  # fmt: skip
-    """The ``k`` nearest of ``n`` rows; the index is brought up to the tree, or made anew. How many there are.
+    """Find the ``k`` nearest of ``n`` rows after bringing the index up to date; return how many there are.
 
     ``rows`` (N, ≥ 2) the tree's places [m]; ``bounds`` (4,) of the cells [m]; ``active`` (N,) marks those
     that count, empty: all do.

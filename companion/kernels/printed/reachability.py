@@ -54,7 +54,7 @@ class Probe(NamedTuple):
     """The data that the estimator works on.
 
     ``tree`` is the PathTree, ``pursuers`` the DTs' trees, ``walls`` what stops and hides DTs. The
-    ``scratch`` is used up.
+    ``scratch`` is overwritten.
     """
 
     tree: Tree
@@ -135,7 +135,7 @@ def near_pursuer_nodes(
 def promising_corners(
     pursuers: Pursuers, d: int, x: float, y: float, time: float, walls: Obstacles, out: Int1D
 ) -> int:
-    """Return the corners by which a DT comes earliest to places about (x, y), in time; how many.
+    """Find the corners by which a DT comes earliest to places about (x, y); return how many are in time.
 
     Those of the cells in which (x, y) and the bearings of the circle about it lie, earliest first, into
     ``out`` (MAX_NEAR,).
@@ -200,7 +200,7 @@ def come_nearer(
 ) -> None:  # fmt: skip
     """Keep the DT's nearest position through TTree node ``j`` where it is nearer than the one before.
 
-    ``place`` x y z and the time at which the aircraft is there; ``spot`` (6,) is used up; ``out`` (D, 4)
+    ``place`` x y z and the time at which the aircraft is there; ``spot`` (6,) is overwritten; ``out`` (D, 4)
     positions [m] and 1 where one is known.
     """
     x, y, z, time = place

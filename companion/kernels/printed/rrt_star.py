@@ -60,7 +60,7 @@ def lay_edge(tree: Tree, scene: Scene, a: int, b: int, rows: PathRows, stats: In
 def lower_bound(a: Float1D, b: Float1D, scene: Scene, segments: Float1D) -> float:
     """Return the least cost by (9) of a Dubins edge from state ``a`` (6,) to ``b`` (6,): its length.
 
-    ``segments`` (3,) is used up.
+    ``segments`` (3,) is overwritten.
     """
     flat = dubins.distance(a[0], a[1], a[3], b[0], b[1], b[3], scene.limits.r_min, segments)
     length = math.sqrt(flat * flat + (b[2] - a[2]) ** 2)
@@ -132,7 +132,7 @@ def turn_at_end(tree: Tree, a: int, n: int, rows: PathRows, limits: Limits) -> t
 def grow_edge(
     tree: Tree, branches: Branches, scene: Scene, a: int, n: int, draws: Float1D, work: Workspace
 ) -> int:
-    """Add the inner rows of ``work.edge`` below ``a``; the last one's node, or -1 where one is too risky.
+    """Add the inner rows of ``work.edge`` below ``a``; return the last one's node, or -1 if one is too risky.
 
     ``draws`` (≥ 7,) uniform numbers.
     """
@@ -193,7 +193,7 @@ def try_edge(
 def prune_by_bounds(
     tree: Tree, branches: Branches, scene: Scene, path: Int1D, n: int, work: Workspace
 ) -> int:
-    """Bounds and pruning after a cheaper path was found, as printed in paper 4.4.3; nodes removed.
+    """Prune by bounds after a cheaper path was found (paper 4.4.3); return how many nodes were removed.
 
     ``path`` (≥ n,) leads from the goal back to Root_r. UB(q_{i-1}) falls to UB(q_i) + D_C(q_{i-1}, q_i);
     then a child of q_{i-1} off the path whose LB = D_C to the goal cannot beat it goes, with all below
@@ -251,7 +251,7 @@ def can_improve(q_s: Float1D, start: Float1D, goal: Float1D, cost: float, scene:
 
 @kernel
 def grow_towards(tree: Tree, scene: Scene, q_s: Float1D, draws: Float1D, work: Workspace) -> int:
-    """The dynamic-domain step towards ``q_s`` (3,) [m], anywhere within the bounds; the new node or -1.
+    """Grow towards ``q_s`` (3,) [m], anywhere within the bounds; return the new node or -1.
 
     ``draws`` (≥ 7,) uniform numbers.
     """
@@ -305,7 +305,7 @@ def rewire_about(
 def short_cut(
     tree: Tree, branches: Branches, scene: Scene, n: int, goal: int, draws: Float1D, work: Workspace
 ) -> int:
-    """Try to join two of the ``n`` waypoints of ``work.path``; edges rewired. ``draws`` (STAR_DRAWS,)."""
+    """Try to join two of ``n`` waypoints of ``work.path``; return how many edges. ``draws`` (STAR_DRAWS,)."""
     p, q = work.path[int(draws[8] * n)], work.path[int(draws[9] * n)]
     if tree.cost[p] > tree.cost[q]:
         p, q = q, p

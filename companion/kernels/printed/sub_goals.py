@@ -52,7 +52,7 @@ class SubGoalScratch(Struct):
     """The scratch that the scores of sub goals need.
 
     ``distances`` is the field of the horizon's centre and ``radius`` the horizon's [m]. ``threats`` are
-    those at the moment. ``boxes`` (O + 1, 2) is used up.
+    those at the moment. ``boxes`` (O + 1, 2) is overwritten.
     """
 
     distances: DistanceField
@@ -68,7 +68,7 @@ def obstructed_length(
     """L of (6) from ``p`` (≥ 3,) to ``q`` (≥ 3,) [m], in planning units.
 
     Weighted length, heights and widths of the bounding boxes crossed, by ``weights`` (3,); ``scratch``
-    (O, 2) is used up.
+    (O, 2) is overwritten.
     """
     px, py, pz, qx, qy, qz = p[0], p[1], p[2], q[0], q[1], q[2]
     length = math.sqrt((qx - px) ** 2 + (qy - py) ** 2 + (qz - pz) ** 2)
@@ -89,7 +89,7 @@ def is_on_the_way(above: float, flat: float, limits: Limits) -> bool:
 
 @kernel
 def radii_crossed(end: Float1D, x: float, y: float, threats: Threats, unit: float) -> tuple[float, int]:
-    """Sum of the radii of the known radars on the line from ``end`` (≥ 2,) [m] to a place; how many.
+    """Return the summed radii of the known radars on the line from ``end`` (≥ 2,) to a place, and how many.
 
     In planning units.
     """

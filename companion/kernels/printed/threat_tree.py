@@ -142,7 +142,7 @@ class KeptNodes(Struct):
     """The nodes of a tree of N that stay when its root changes.
 
     ``poses`` (N, 4) are x y z heading [m, rad], ``parents`` (N,) rows of the new tree. ``rows`` (N,) and
-    ``where`` (N + 2,) are used up.
+    ``where`` (N + 2,) are overwritten.
     """
 
     poses: Float2D
@@ -218,7 +218,7 @@ def free_way_ahead(
 
 @kernel
 def _keep_later(trees: Pursuers, d: int, stamp: float, base: int, kept: KeptNodes) -> int:
-    """Keep nodes later than ``stamp`` and their parents in a tree that begins with ``base`` others; how many.
+    """Keep nodes later than ``stamp`` and their parents behind ``base`` others; return how many are kept.
 
     A dropped parent's row is the last of the ``base``.
     """

@@ -81,7 +81,7 @@ def assess(
 ) -> None:  # fmt: skip
     """Threat level and TUDD of a node, from its covariance and the DTs' present estimate.
 
-    ``normals`` (M, 3) the common standard-normal points; ``factor`` (3, 3) and ``levels`` (M,) are used up.
+    ``normals`` (M, 3): common standard-normal points; ``factor`` (3, 3), ``levels`` (M,) are overwritten.
     """
     here = threats_when(tree, i, threats)
     if search.use_uncertainty == 1:
@@ -102,7 +102,7 @@ def renew_covariance(
     tree: Tree, parent: int, i: int, control: tuple[float, float, float], dt: float, tables: Uncertainty,
     dimension: int, unit: float, scratch: FilterScratch,
 ) -> float:  # fmt: skip
-    """P, Λ and δ_q of node ``i``, ``dt`` seconds after its parent; the largest standard deviation [m].
+    """Compute P, Λ and δ_q of node ``i``, ``dt`` seconds after its parent; return its deviation [m].
 
     ``control`` a, w, wp; ``unit`` metres in a planning unit.
     """

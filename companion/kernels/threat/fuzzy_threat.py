@@ -96,7 +96,7 @@ def set_course(theta: float, phi: float, course: Float1D) -> None:
 
 @kernel
 def gather(x: float, y: float, z: float, share: float, scene: ThreatScene) -> int:
-    """Raw (μ, ν) of every threat with μ > 0 at a point, radars first, into ``scene.scratch.pairs``; how many.
+    """Write (μ, ν) of each threat with μ > 0, radars first, to ``scene.scratch.pairs``; return how many.
 
     ``scene.scratch.course`` is the velocity's unit vector, ``share`` its :func:`speed_share`.
     """
@@ -135,7 +135,7 @@ def gather(x: float, y: float, z: float, share: float, scene: ThreatScene) -> in
 def aggregate_overlap(n: int, delta: float, model: ThreatModel, pairs: Float2D) -> tuple[float, float]:
     """(μ, ν) of ``n`` threats at one point by IFWA with weights 1/n (paper 3.3).
 
-    ``pairs`` (≥ n, 2) holds their (μ, ν) and is used up. Exposures are ordered by falling μ and each is
+    ``pairs`` (≥ n, 2) holds their (μ, ν) and is overwritten. Exposures are ordered by falling μ and each is
     raised by those before it, ``μ'_k = 1 − Π_{i ≤ k}(1 − μ_i)``; ν gives way where the sum would pass 1.
     """
     if n == 0:

@@ -66,9 +66,9 @@ def box_in_bin(
 
 @kernel
 def list_near(pursuers: Pursuers, near: NearAircraft, filled: Int1D) -> int:
-    """Count how many aircraft each cell has, in ``near.ends``, or list them in ``near.listed``; how many.
+    """Count the aircraft of each cell in ``near.ends``, or list them in ``near.listed``; return how many.
 
-    They are counted while ``near.listed`` has no room; ``filled`` (C,) zeros are used up by the listing.
+    They are counted while ``near.listed`` has no room; ``filled`` (C,) zeros are overwritten by the listing.
     """
     counts, total = near.listed.shape[0] == 0, 0
     for d in range(pursuers.count.shape[0]):

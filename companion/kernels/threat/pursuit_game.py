@@ -109,7 +109,7 @@ def _is_free(ax: float, ay: float, bx: float, by: float, grid: Float1D, tops: Fl
 
 @kernel
 def _sweep(way: Float2D, tops: Float2D, cell: float, right: int, up: int) -> bool:
-    """One Gauss-Seidel sweep of Godunov's scheme over ``way`` (NX, NY) [m]; whether anything changed.
+    """Sweep over ``way`` (NX, NY) [m] by Godunov's scheme (Gauss-Seidel); return whether anything changed.
 
     ``tops`` (NX, NY) as in Game.
     """
@@ -311,7 +311,7 @@ def is_threatened(game: Game, x: float, y: float, z: float, time: float) -> bool
 
 @kernel
 def push(keys: Float1D, values: Int1D, size: int, key: float, value: int) -> int:
-    """Put an entry into a binary heap of ``keys`` and ``values`` (S,); its new size."""
+    """Put an entry into a binary heap of ``keys`` and ``values`` (S,); return the heap's new size."""
     at = size
     while at > 0 and keys[(at - 1) // 2] > key:
         keys[at], values[at] = keys[(at - 1) // 2], values[(at - 1) // 2]
@@ -322,7 +322,7 @@ def push(keys: Float1D, values: Int1D, size: int, key: float, value: int) -> int
 
 @kernel
 def pop_least(keys: Float1D, values: Int1D, size: int) -> int:
-    """Take the least entry out of a binary heap of ``keys`` and ``values`` (S,); its new size."""
+    """Remove the least entry of a binary heap of ``keys`` and ``values`` (S,); return the heap's new size."""
     size -= 1
     key, value, at = keys[size], values[size], 0
     while 2 * at + 1 < size:
