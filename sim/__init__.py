@@ -1,17 +1,18 @@
 """JSBSim fixed-wing software-in-the-loop simulator that stands in for the aircraft.
 
-From the ground up:
+- ``vehicle``: the small UAV in JSBSim, its battery, sensors and control loops, and the ground below it. Its
+  figures are the Aerosonde's of Beard and McLain (the aircraft's file names source and adaptations); it flies
+  from 12.5 to 37.5 m/s equivalent airspeed.
+- ``autopilot``: what an ArduPlane or a PX4 makes of missions, modes and commands, over MAVLink.
+- ``threats``: ground vehicles that pursue the aircraft, aircraft that pass it, and how both are reported.
+- ``team``: several aircraft in one world, and teams of point masses in fast time.
+- ``bench``, ``comparison``: measured flights and reactions, and planners of other libraries.
 
-- ``aircraft/``, ``fdm``: the small UAV. Its figures are the Aerosonde's of Beard and McLain (source
-  and adaptations are named in the aircraft's file), flown from 12.5 to 37.5 m/s equivalent airspeed.
-- ``sensors``, ``attitude``, ``guidance``, ``flight``: estimator noise and the control loops.
-- ``autopilot``, ``ardupilot`` with ``mission_*``: the MAVLink side, with ArduPlane's own semantics.
-- ``roads``, ``pursuer``, ``tracks``: the ground vehicles that pursue it, and how they are reported.
-- ``truth``: what really happened. ``simulator`` steps all this; ``faults`` disturbs the link to it;
-  ``link`` and ``python -m sim`` put it on a socket.
+``simulator`` steps one aircraft's world, ``truth`` judges the flight, and ``faults`` disturbs the link to it.
+``sitl`` flies it together with the service; ``server`` and ``python -m sim`` put it on a socket.
 
 Airspeeds that the autopilot accepts and reports are equivalent airspeeds, as a pitot tube measures them;
-the truth has true airspeeds. Not modelled: take-off and landing, ground contact (the flight counts
-as a collision), terrain, stick input (MANUAL and FBWA hold the wings level), avoidance by the
-autopilot itself, fence breaches, and failing sensors.
+the truth has true airspeeds. Not modelled: wheels (a catapult launches the aircraft, and a touch of the
+ground ends the flight as a landing or as a collision), stick input (MANUAL and FBWA hold the wings level),
+avoidance by the autopilot itself, fence breaches, and failing sensors other than a position that jumps.
 """

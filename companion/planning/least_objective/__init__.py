@@ -1,4 +1,4 @@
-"""Plans of the least objective J, where nothing pursues the aircraft; and what is measured of any plan.
+"""Plans of the least objective J, before pursuers and past others; and what is measured of any plan.
 
 Runs on the kernels, in one immutable snapshot of the world; touches neither the link nor the flight's state.
 """

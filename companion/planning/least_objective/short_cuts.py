@@ -22,7 +22,7 @@ LEAST_GAIN_S = 1e-9  # What lowers J by less gains nothing.
 def shortened_route(
     exploration: Exploration, objective: Objective, route: Route, should_stop: Callable[[], bool]
 ) -> tuple[Route, int]:
-    """Replace stretches of a route by other edges where that lowers J; the route, and how many were.
+    """Replace stretches of a route by other edges where that lowers J; return it and how many were replaced.
 
     Stretches are drawn at random, wide ones first. A route that loses well clear of another aircraft gets
     detours before short cuts: the tree follows V, and its cells are too coarse for a climb that is just steep
