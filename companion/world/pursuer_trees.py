@@ -92,10 +92,7 @@ def extend_ahead(trees: Pursuers, d: int, track: TrackState) -> None:
         turns_s = min(max(0.0, math.ceil(track.route[-2, 0] - track.stamp_s)), CAPACITY - 3.0)
     seconds = np.arange(turns_s + 2.0)
     places, n = track.places_enu_m(track.stamp_s + seconds), len(seconds)
-    steps = np.diff(places, axis=0, append=2.0 * places[-1:] - places[-2:-1])
     trees.position[d, :n], trees.time[d, :n] = places, track.stamp_s + seconds
-    trees.parent[d, :n] = np.arange(-1, n - 1)
-    trees.heading[d, :n] = np.arctan2(steps[:, 1], steps[:, 0])
     trees.position[d, n] = np.asarray(track.position_enu_m) + track.velocity_enu_m_s
     trees.count[d] = n
 
