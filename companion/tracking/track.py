@@ -195,8 +195,8 @@ class Track:
             return "duplicate"
         reported = detection
         if self.vehicle_class.flies_on:
-            noise_m = self._noise_m(self._last_heard, detection)
-            detection = detection.without_wrong_velocity(self._last_heard, noise_m)
+            noise_m = self._noise_m(self._last_detection, detection)
+            detection = detection.without_wrong_velocity(self._last_detection, noise_m)
         if detection.stamp_s < self._filter.stamp_s - self._settings.filter.late_max_s:
             return UpdateResult.TOO_LATE.value
         distance = self._filter.squared_distance(
@@ -248,7 +248,7 @@ class Track:
         )
 
     @property
-    def _last_heard(self) -> Detection:
+    def _last_detection(self) -> Detection:
         """The newest detection, believed or not."""
         return self._gated[-1] if self._gated else self._latest
 
@@ -280,7 +280,7 @@ class Track:
 
         A refused report that is sent again confirms nothing, either.
         """
-        if self.vehicle_class.flies_on and detection.is_repeat_of(self._last_heard):
+        if self.vehicle_class.flies_on and detection.is_repeat_of(self._last_detection):
             return True
         ages = [
             abs(detection.stamp_s - stamp)

@@ -194,7 +194,7 @@ class TeamFlight:
 
 
 @dataclass
-class Free:
+class FreePlace:
     """The conditions on which a place is free for a member.
 
     Parameters
@@ -230,8 +230,8 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
     circle_m = 1.3 * float(mission.vehicle.turn_radius_min_m)
     free_m, separation_m = circle_m + team.tolerance_m, team.apart_m + 2.0 * team.tolerance_m
     ends = [np.array([place.east_m, place.north_m]) for place in (start, goal)]
-    goals_free = Free(free_m, 2.0 * circle_m + separation_m)
-    starts_free = Free(free_m, 2.0 * float(mission.vehicle.turn_radius_min_m) + separation_m)
+    goals_free = FreePlace(free_m, 2.0 * circle_m + separation_m)
+    starts_free = FreePlace(free_m, 2.0 * float(mission.vehicle.turn_radius_min_m) + separation_m)
     if mission.shares_goals:
         return _missions_of_shared_goals(mission, team, num, starts_free)
     num_of = [(num + 1) // 2, num // 2]
@@ -258,7 +258,7 @@ def team_missions(mission: MissionConfig, num: int) -> list[MissionConfig]:
 
 
 def _missions_of_shared_goals(
-    mission: MissionConfig, team: TeamConfig, num: int, free: Free
+    mission: MissionConfig, team: TeamConfig, num: int, free: FreePlace
 ) -> list[MissionConfig]:
     """Return the missions of members that start side by side and share the mission's goals."""
     start, first = mission.start, np.array([mission.goals[0].east_m, mission.goals[0].north_m])
@@ -314,7 +314,7 @@ def _circle_before_the_first_plan(mission: MissionConfig, place: FloatArray, goa
 
 
 def _spots(
-    mission: MissionConfig, near: FloatArray, num: int, free: Free, circled: Circled
+    mission: MissionConfig, near: FloatArray, num: int, free: FreePlace, circled: Circled
 ) -> list[FloatArray]:
     """Return the ``num`` free places, each (2,), nearest to ``near`` (2,), with circles that keep clear.
 

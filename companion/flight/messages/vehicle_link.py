@@ -95,7 +95,7 @@ class VehicleLink:
         return self.autopilot.dialect is not None
 
     @property
-    def hears_autopilot(self) -> bool:
+    def knows_autopilot(self) -> bool:
         """Whether the vehicle has been received, or an autopilot whose next heartbeat confirms it."""
         return self.has_received or self.codec.identity.has_candidate
 
@@ -117,7 +117,7 @@ class VehicleLink:
     def receive(self, data: bytes, address: Address | None = None) -> None:
         """Process received bytes: record, pass on and answer each frame, then deliver its events."""
         now_s, peer = self._clock.now_s(), self.codec.identity.peer
-        had_autopilot, had_received = self.hears_autopilot, self.has_received
+        had_autopilot, had_received = self.knows_autopilot, self.has_received
         frames = self.codec.feed(data, now_s, address)
         if (now_at := self.codec.identity.peer) is not None and now_at != peer:
             self.transport.answer_to(now_at)
@@ -135,7 +135,7 @@ class VehicleLink:
                 self._take(event, now_s)
             if self.streams.settings != settings:
                 self._take(SettingsReported(now_s, self.streams.settings), now_s)
-        if self.hears_autopilot and not had_autopilot:
+        if self.knows_autopilot and not had_autopilot:
             self._observer.received()
         if self.has_received and not had_received:
             self.send(self.streams.due(self.codec, now_s))

@@ -115,7 +115,7 @@ class Service:
         """Return the present state of the service."""
         app, decisions = self.app, self.app.recorder.decisions
         last = f"{decisions[-1].kind}: {decisions[-1].text}" if decisions else ""
-        has_autopilot = app.link.hears_autopilot
+        has_autopilot = app.link.knows_autopilot
         autopilot = app.autopilot_mode or (
             "its next heartbeat confirms it" if has_autopilot else "no autopilot"
         )

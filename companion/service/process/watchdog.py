@@ -40,7 +40,7 @@ class Report:
     ----------
     is_warm : bool
         True if the kernels are compiled.
-    hears_autopilot : bool
+    knows_autopilot : bool
         True if an autopilot has been received; its next heartbeat may still have to confirm it.
     mode : str
         What the service may do, and the autopilot's mode.
@@ -49,19 +49,19 @@ class Report:
     """
 
     is_warm: bool
-    hears_autopilot: bool
+    knows_autopilot: bool
     mode: str
     last_decision: str = ""
 
     @property
     def is_ready(self) -> bool:
         """Whether the service can plan for an autopilot that is present."""
-        return self.is_warm and self.hears_autopilot
+        return self.is_warm and self.knows_autopilot
 
     def __str__(self) -> str:
         if not self.is_warm:
             return "loading or compiling the planner's kernels"
-        if not self.hears_autopilot:
+        if not self.knows_autopilot:
             return "waiting for the first heartbeat of an autopilot"
         return f"{self.mode}; last: {self.last_decision}" if self.last_decision else self.mode
 

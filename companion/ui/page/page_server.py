@@ -52,7 +52,7 @@ class _Viewer:
     is_stream: bool = False
     queued_s: float = 0.0
 
-    def hear(self, data: bytes) -> bool:
+    def receive(self, data: bytes) -> bool:
         """Take received data; whether the request is complete or too long. What follows is ignored."""
         if self.has_asked:
             return False
@@ -199,7 +199,7 @@ class PageServer:
         data = viewer.line.recv(HEAD_MAX)
         if not data:
             self._drop(viewer)
-        elif viewer.hear(data):
+        elif viewer.receive(data):
             self._answer(viewer, request_of(bytes(viewer.asked)))
 
     def _answer(self, viewer: _Viewer, request: Request | Answer) -> None:

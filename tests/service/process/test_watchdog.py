@@ -86,7 +86,7 @@ def test_the_autopilot_is_noted_when_it_is_received_first(dialect):
 
     def on_step(harness):
         link = harness.app.link
-        link._observer.received = lambda: noted.append((link.hears_autopilot, link.has_received))
+        link._observer.received = lambda: noted.append((link.knows_autopilot, link.has_received))
 
     SitlHarness(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"), dialect=dialect).fly(5.0, on_step)
     assert noted == [(True, False)]  # it is confirmed by the next heartbeat
