@@ -182,27 +182,27 @@ class LeastRouteSearch:
     def _past_others(self) -> Searched:
         """Return the cheapest path past aircraft that fly on, at cruise or faster.
 
-        V includes their predicted positions only if a path found soon without that is much cheaper without
-        them. A higher airspeed is tried, too, if they make the flight at cruise much more expensive.
+        V includes their predicted positions only if they add to the cost of a path that is found soon
+        without that. A higher airspeed is tried, too, if they make the flight at cruise much more expensive.
         """
         cruise, alone = self._airspeeds[0], self._field_alone()
         if not len(self._exploration.game.vehicles):
             return self._search(cruise, alone, MOST_DANGER)
         best = self._search(cruise, alone, MOST_DANGER, self._effort.at_first)
-        if self._cost_nothing(best):
+        if self._is_hardly_affected(best):
             return best
         enough_s, field = FASTER_FROM * cruise.bound_s, self._field(cruise, MOST_DANGER, best.cost_s)
-        left = [cruise]
+        untried = [cruise]
         if least_s(field, self._place) < enough_s:
-            best, left = _cheapest(best, self._search(cruise, field, MOST_DANGER)), []
+            best, untried = _cheapest(best, self._search(cruise, field, MOST_DANGER)), []
         if best.cost_s >= enough_s and not self._should_stop():
-            left += [self._at(airspeed) for airspeed in self._exploration.airspeeds_m_s[1:]]
-            self.bound_s = min([self.bound_s, *(each.bound_s for each in left)])
-            best = _cheapest(best, self._at_best_airspeed(left, MOST_DANGER, best))
+            untried += [self._at(airspeed) for airspeed in self._exploration.airspeeds_m_s[1:]]
+            self.bound_s = min([self.bound_s, *(each.bound_s for each in untried)])
+            best = _cheapest(best, self._at_best_airspeed(untried, MOST_DANGER, best))
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
 
-    def _cost_nothing(self, found: Searched) -> bool:
+    def _is_hardly_affected(self, found: Searched) -> bool:
         """Return whether a path reaches the goal and other aircraft hardly add to its cost."""
         if not found.reached or loses_well_clear(found.objective, found.route):
             return False
