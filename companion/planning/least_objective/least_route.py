@@ -194,11 +194,11 @@ class LeastRouteSearch:
         enough_s, field = FASTER_FROM * cruise.bound_s, self._field(cruise, MOST_DANGER, best.cost_s)
         untried = [cruise]
         if least_s(field, self._place) < enough_s:
-            best, untried = _cheapest(best, self._search(cruise, field, MOST_DANGER)), []
+            best, untried = _least_cost(best, self._search(cruise, field, MOST_DANGER)), []
         if best.cost_s >= enough_s and not self._should_stop():
             untried += [self._at(airspeed) for airspeed in self._exploration.airspeeds_m_s[1:]]
             self.bound_s = min([self.bound_s, *(each.bound_s for each in untried)])
-            best = _cheapest(best, self._at_best_airspeed(untried, MOST_DANGER, best))
+            best = _least_cost(best, self._at_best_airspeed(untried, MOST_DANGER, best))
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
 
@@ -260,7 +260,7 @@ class LeastRouteSearch:
                 break
             if 0.0 < coarse_s < math.inf:
                 share = max(share, min(1.0, fine_s / coarse_s))
-            best = _cheapest(best, self._search(known, field, danger_max))
+            best = _least_cost(best, self._search(known, field, danger_max))
         return best
 
     def _in_order(self, airspeeds: list[_AtAirspeed], danger_max: float) -> list[tuple[float, _AtAirspeed]]:
@@ -363,6 +363,6 @@ class LeastRouteSearch:
         return tuple(notes)
 
 
-def _cheapest(*found: Searched | None) -> Searched:
+def _least_cost(*found: Searched | None) -> Searched:
     """Return the cheapest of what was found, the first of several."""
     return min((each for each in found if each is not None), key=lambda each: each.cost_s)
