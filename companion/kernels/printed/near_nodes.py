@@ -22,7 +22,7 @@ NONE, OUTSIDE = -1, -2  # no node is searched; the sample is in no near node's d
 
 @kernel
 def near_nodes(tree: Tree, q_s: Float1D, k: int, near: KNearest) -> int:
-    """Find the ``k`` searched nodes nearest to ``q_s`` (≥ 3,), nearest first; return how many there are."""
+    """Find the ``k`` searched nodes nearest to ``q_s`` (≥ 3,) [m], nearest first; return how many."""
     state, active, squares = tree.state, tree.active, near.squares
     x, y, z = q_s[0], q_s[1], q_s[2]
     found = 0

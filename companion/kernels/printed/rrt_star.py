@@ -251,7 +251,7 @@ def can_improve(q_s: Float1D, start: Float1D, goal: Float1D, cost: float, scene:
 
 @kernel
 def grow_towards(tree: Tree, scene: Scene, q_s: Float1D, draws: Float1D, work: Workspace) -> int:
-    """Grow towards ``q_s`` (3,) [m], anywhere within the bounds; return the new node or -1.
+    """Take the dynamic-domain step towards ``q_s`` (3,) [m] within the bounds; return the new node or -1.
 
     ``draws`` (≥ 7,) uniform numbers.
     """
@@ -305,7 +305,7 @@ def rewire_about(
 def short_cut(
     tree: Tree, branches: Branches, scene: Scene, n: int, goal: int, draws: Float1D, work: Workspace
 ) -> int:
-    """Try to join two of ``n`` waypoints of ``work.path``; return how many edges. ``draws`` (STAR_DRAWS,)."""
+    """Join two of ``n`` waypoints of ``work.path`` if it pays; the edges rewired. ``draws`` (STAR_DRAWS,)."""
     p, q = work.path[int(draws[8] * n)], work.path[int(draws[9] * n)]
     if tree.cost[p] > tree.cost[q]:
         p, q = q, p

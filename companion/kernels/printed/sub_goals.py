@@ -89,7 +89,7 @@ def is_on_the_way(above: float, flat: float, limits: Limits) -> bool:
 
 @kernel
 def radii_crossed(end: Float1D, x: float, y: float, threats: Threats, unit: float) -> tuple[float, int]:
-    """Return the summed radii of the known radars on the line from ``end`` (≥ 2,) to a place, and how many.
+    """Return the summed radii of known radars on the line from ``end`` (≥ 2,) [m] to a place, and how many.
 
     In planning units.
     """

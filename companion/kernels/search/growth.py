@@ -102,7 +102,7 @@ def renew_covariance(
     tree: Tree, parent: int, i: int, control: tuple[float, float, float], dt: float, tables: Uncertainty,
     dimension: int, unit: float, scratch: FilterScratch,
 ) -> float:  # fmt: skip
-    """Compute P, Λ and δ_q of node ``i``, ``dt`` seconds after its parent; return its deviation [m].
+    """Compute P, Λ and δ_q of node ``i``, ``dt`` seconds after its parent; return its largest deviation [m].
 
     ``control`` a, w, wp; ``unit`` metres in a planning unit.
     """

@@ -71,7 +71,7 @@ def ramp(top: float, start: float, end: float, most: float, steps: int, angles: 
 def climb_profile(
     rise: float, start: float, end: float, ds: float, steps: int, v: float, limits: Limits, angles: Float1D
 ) -> bool:
-    """Find climb angles that gain ``rise`` metres within the limits; return False if none do.
+    """Find climb angles that gain ``rise`` metres within climb angle and pitch rate; return False if none do.
 
     They go to ``angles`` (steps + 1,) [rad]; ``ds`` is a step's length on the ground, ``v`` the airspeed.
     """

@@ -24,7 +24,7 @@ from companion.kernels.objective.cost_to_go import (
     fill_rate,
 )
 from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective, energy_excess
-from companion.planning.problem import Problem
+from companion.planning.problem import Problem, StartState
 from companion.world.ground.cell_lookup import cells_along
 
 # Along the longer side of the bounds. Over ground between two heights there are as many as in a plane.
@@ -247,8 +247,11 @@ def field_before_pursuers(
     """
     start, prices, limits = problem.start, objective.prices, objective.limits
     field = _at_airspeed(_world(problem, objective)[is_coarse], objective)
-    if math.isfinite(cost_max) and not is_coarse:
-        is_near = _least_through(problem, objective) <= V_ERROR * cost_max
+    if math.isfinite(cost_max):
+        alone = cost_to_go_of(problem, objective)
+        is_near = (
+            _least_through(alone.coarse if is_coarse else alone.fine, start, limits) <= V_ERROR * cost_max
+        )
         field = field._replace(rate=np.where(is_near, field.rate, np.inf))
     is_barred = danger_max < MOST_DANGER
     wave = Wave(
@@ -265,15 +268,14 @@ def field_before_pursuers(
     return _with_values(field, problem, limits)
 
 
-def _least_through(problem: Problem, objective: Objective) -> FloatArray:
-    """Return a lower bound of J through each node of the fine field: straight flight there, and V from there.
+def _least_through(field: CostField, start: StartState, limits: Limits) -> FloatArray:
+    """Return the least J through each node of V without pursuers: straight flight there, and V from there.
 
     Returns
     -------
     ndarray, shape (X, Y, Z)
         In seconds.
     """
-    field, start, limits = cost_to_go_of(problem, objective).fine, problem.start, objective.limits
     num = len(field.rest)
     to_go = field.values.reshape(num, -1, *field.rate.shape).min(axis=1)
     x, y = (

@@ -191,14 +191,14 @@ class LeastRouteSearch:
         best = self._search(cruise, alone, MOST_DANGER, self._effort.at_first)
         if self._is_hardly_affected(best):
             return best
-        enough_s, field = FASTER_FROM * cruise.bound_s, self._field(cruise, MOST_DANGER, best.cost_s)
-        untried = [cruise]
+        problem, enough_s, untried = self._exploration.problem, FASTER_FROM * cruise.bound_s, [cruise]
+        field = field_before_pursuers(problem, cruise.objective, MOST_DANGER, best.cost_s)
         if least_s(field, self._place) < enough_s:
             best, untried = _least_cost(best, self._search(cruise, field, MOST_DANGER)), []
         if best.cost_s >= enough_s and not self._should_stop():
             untried += [self._at(airspeed) for airspeed in self._exploration.airspeeds_m_s[1:]]
             self.bound_s = min([self.bound_s, *(each.bound_s for each in untried)])
-            best = _least_cost(best, self._at_best_airspeed(untried, MOST_DANGER, best))
+            best = self._at_best_airspeed(untried, MOST_DANGER, best) or best
         self._exploration.start_afresh(best.objective.limits.v_cruise)
         return best
 
@@ -235,10 +235,6 @@ class LeastRouteSearch:
         known = cost_to_go_of(self._exploration.problem, objective)
         return _AtAirspeed(airspeed_m_s, objective, known.bound_s(self._place))
 
-    def _field(self, known: _AtAirspeed, danger_max: float, cost_max: float = math.inf) -> CostField:
-        """Return V with pursuers where paths may cost at most ``cost_max``."""
-        return field_before_pursuers(self._exploration.problem, known.objective, danger_max, cost_max)
-
     def _at_best_airspeed(
         self, airspeeds: list[_AtAirspeed], danger_max: float, best: Searched | None = None
     ) -> Searched | None:
@@ -254,7 +250,7 @@ class LeastRouteSearch:
             likely_s = max(known.bound_s, share * coarse_s if math.isfinite(coarse_s) else 0.0)
             if best is not None and (likely_s >= best.cost_s or self._should_stop()):
                 continue
-            field = self._field(known, danger_max)
+            field = field_before_pursuers(self._exploration.problem, known.objective, danger_max)
             fine_s = least_s(field, self._place)
             if math.isinf(fine_s) and known is airspeeds[-1] and danger_max < MOST_DANGER:
                 break

@@ -23,12 +23,12 @@ pytestmark = pytest.mark.compiled
 WORLD = (-500.0, 4000.0, -2000.0, 2000.0, 0.0, 400.0)
 
 
-def beside(name, num, seed=1):
+def beside(name, num):
     """A problem of a shipped mission without its pursuers, with members of a team on ways of their own."""
     mission, team = load_mission(CONFIGS / f"{name}.yaml"), TeamConfig(members=(1, 2))
     up_m = float(mission.start.up_m)
     tracks = tracks_of(mission, others(mission, num, [up_m, up_m + 100.0, up_m - 100.0], team), team)
-    return offline_problem(mission, offline_world(mission).with_tracks(0.0, tracks), None, seed)
+    return offline_problem(mission, offline_world(mission).with_tracks(0.0, tracks), None, 1)
 
 
 def test_a_path_that_others_hardly_touch_needs_no_larger_search():
