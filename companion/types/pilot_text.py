@@ -60,4 +60,25 @@ OTHER_AIRCRAFT = {
         "The member's messages are received again, and its approval is needed.",
         NOTHING,
     ),
+    "barred": PilotText(
+        "team",
+        Severity.NOTICE,
+        "System {member} bars the goal, is asked to move",
+        "Nothing has led to the goal for 15 s, and without the circles of these members a path would.",
+        "Wait. If they do not move, have their pilots move them, or land.",
+    ),
+    "moves aside": PilotText(
+        "team",
+        Severity.NOTICE,
+        "Moving aside: system {member} has to pass",
+        "The aircraft circles at its last goal, and another member cannot reach its own goal otherwise.",
+        "Leave it to the planner, or take over: the other member then waits.",
+    ),
+    "moved aside": PilotText(
+        "arrived",
+        Severity.NOTICE,
+        "Out of the way, planner is done",
+        "The aircraft circles at a place where it is in no other member's way.",
+        "Land as planned, or take over.",
+    ),
 }

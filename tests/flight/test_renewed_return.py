@@ -8,7 +8,7 @@ from shapely.geometry import LineString, Point
 
 from companion.config import mission_from_text
 from companion.flight.state.checkpoint import Checkpoint
-from companion.flight.state.flight_state import after_mode_event, after_reload
+from companion.flight.state.flight_state import after_mode_event, after_reload, after_return_begun
 from companion.flight.state.modes import Mode, ModeEvent
 from tests.flight.construction.test_cycle import begun
 from tests.flight.test_app import at, both, switch
@@ -90,9 +90,10 @@ def test_the_pilot_ends_a_renewed_return_by_leaving_the_mission_mode():
 
 
 def test_after_the_landing_the_goals_are_those_of_the_mission_again():
-    state = replace(begun(), next_goal=1, is_returning=True)
-    goal = state.goals[0]
-    state = replace(state, goals=(goal, state.region_at((5.0, 5.0, 100.0))), mode=Mode.ACTIVE)
+    state = replace(begun(), mode=Mode.ACTIVE)
+    goal, end = state.goals[0], state.region_at((5.0, 5.0, 100.0))
+    state = after_return_begun(state, end, None, is_landing=False)
+    assert state.goals_left[0].position_enu_m == end.position_enu_m
     landed = after_mode_event(state, ModeEvent.LANDED)
     assert (landed.goals, landed.next_goal, landed.is_returning) == ((goal,), 0, False)
 

@@ -11,8 +11,11 @@ from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
 from companion.flight.exchange import announced_plan
 from companion.flight.exchange.announced_plan import WAITS_S
+from companion.flight.replanning import replanning
 from companion.mission.list_layout import TEAM_BANK_ITEMS
 from companion.types.events import Dialect
+from sim.sitl import Flight
+from sim.team.simulated_radio import Radio
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG, ahead
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
@@ -85,6 +88,54 @@ def test_of_two_that_come_to_a_narrow_gap_from_both_sides_one_lets_the_other_pas
     tracks = [np.array(flight.simulator.truth.path) for flight in team.flights]
     passed_s = [track[np.abs(track[:, 1] - 2000.0).argmin(), 0] for track in tracks]
     assert abs(passed_s[0] - passed_s[1]) > 8.0
+
+
+class Corridor(TeamFlight):
+    """Member 1 flies to the middle of a corridor, and member 2 through it: a circle there leaves no room."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        ends = ((1200.0, 2100.0), (0.0, 3500.0))
+        for number, (begin, end) in enumerate(ends, 1):
+            mission = self.flights[number - 1].mission
+            goal = mission.goals[0].model_copy(update={"east_m": end, "north_m": 0.0})
+            start = mission.start.model_copy(update={"east_m": begin, "north_m": 0.0, "course_deg": 90.0})
+            changed = {"start": start, "goals": (goal,)}
+            self.flights[number - 1] = Flight(
+                mission.model_copy(update=changed), number, None, self.dialect, math.inf, system_id=number
+            )
+        weather = self.mission.simulation
+        self.radio = Radio(
+            [flight.simulator for flight in self.flights], range_m=weather.radio_range_m,
+            loss=weather.radio_loss, delay_s=weather.radio_delay_s, seed=1,
+        )  # fmt: skip
+
+
+CORRIDOR = LONG.replace(
+    "east_m: [-6000, 6000], north_m: [-6000, 6000]", "east_m: [-1600, 4600], north_m: [-1500, 1500]"
+) + "obstacles:\n" + "".join(
+    f"  - {{name: {name}, base_m: 0, top_m: 300, polygon_enu_m: "
+    f"[[1500, {low}], [2900, {low}], [2900, {high}], [1500, {high}]]}}\n"
+    for name, low, high in (("south_block", -1500, -180), ("north_block", 180, 1500))
+)  # fmt: skip
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("moves", [True, False], ids=["moves", "stays"])
+def test_a_member_that_has_arrived_moves_for_one_whose_goal_lies_behind_its_circle(moves, monkeypatch):
+    """Beside it the same flight in which nobody is requested to move: the second one never arrives."""
+    if not moves:
+        monkeypatch.setattr(replanning, "BARRED_S", math.inf)
+    mission = mission_from_text(CORRIDOR, "corridor.yaml")
+    weather = mission.simulation.model_copy(update={"radio_loss": 0.2})
+    team = Corridor(mission.model_copy(update={"simulation": weather}), 2, 1)
+    fly_team(team)
+    assert sorted(team.arrived_s) == ([1, 2] if moves else [1])
+    assert team.is_separate
+    assert team.hit_s == {}
+    told = [decision.told for decision in team.flights[0].recorder.decisions]
+    assert ("Moving aside: system 2 has to pass" in told) is moves
+    assert ("Out of the way, planner is done" in told) is moves
 
 
 @pytest.mark.slow

@@ -1,21 +1,26 @@
-"""The announcement of a team's member that flies no plan that the others approved.
+"""What a team's member tells the others: the plan of a mission, or what it flies without one.
 
-That is so before its first plan, in a return, on the operator's items behind the goal, and while a pilot
-flies. The flight mode then says where the aircraft flies next.
+Before its first plan, in a return, on the operator's items behind the goal, and while a pilot flies, the
+flight mode says where the aircraft flies next. That is announced.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from companion.config.sections.team_section import TeamConfig
+from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.prediction.mode_tracks import mode_tracks
 from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S
+from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
 from companion.mission.team.agreement import Agreement
-from companion.mission.team.shared_plan import SharedPlan
+from companion.mission.team.member_tracks import STOPS_S
+from companion.mission.team.shared_plan import SharedPlan, entering_circle
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
@@ -51,6 +56,56 @@ def announced_rows(state: FlightState, ownship: Ownship, current: MissionCurrent
     track = mode_tracks(state, ownship, current, CIRCLE_S).positions_enu_m[-1]
     times = ownship.stamp_s + STEP_S * np.arange(1, len(track))
     return np.vstack([here, np.column_stack([times, track[1:]])])
+
+
+def proposed_plan(
+    state: FlightState,
+    constructed: ConstructedMission,
+    ownship: Ownship,
+    current: MissionCurrent | None,
+    ahead_s: float,
+) -> SharedPlan:
+    """Return what is flown from now on: the flown path up to the start, the mission, and its circle.
+
+    If the operator's items follow the goal, there is no circle. They are announced when they are flown.
+    The agreement fills in the plan's member and number.
+
+    Parameters
+    ----------
+    state : FlightState
+        The flown path; of a team's member.
+    constructed : ConstructedMission
+        The mission that is to be entered.
+    ownship : Ownship
+        The aircraft now.
+    current : MissionCurrent or None
+        The mission item being flown.
+    ahead_s : float
+        UTC less the service's clock [s].
+    """
+    config, now_s, flown = state.mission.team, ownship.stamp_s, state.flown
+    assert config is not None  # There is an agreement.
+    start_s, path = constructed.start.state.stamp_s, constructed.path
+    if flown is None:
+        before = announced_rows(state, ownship, current)
+    else:
+        before = np.column_stack([flown.path.times_s, flown.path.positions_enu_m])
+    is_before = (before[:, 0] > now_s) & (before[:, 0] < start_s - STOPS_S)
+    parts = [np.array([[now_s, *ownship.position_enu_m]]), before[is_before]]
+    is_carried = (path.times_s > now_s) & (path.times_s <= constructed.covered_until_s)
+    parts.append(np.column_stack([path.times_s, path.positions_enu_m])[is_carried])
+    rows, radius_m = np.vstack(parts), 0.0
+    if not constructed.waypoints.continues_with_operator_items:
+        centre, signed_m = constructed.waypoints.circle
+        radius_m = abs(signed_m) or float(state.turn_radius_m)
+        away_m = max(math.dist(rows[-1, 1:3], centre[:2]) - radius_m, 0.0)
+        entered_s = rows[-1, 0] + away_m / max(ownship.airspeed_m_s, 1.0)
+        rows = entering_circle(np.vstack([rows, [entered_s, *centre]]), radius_m)
+    rows[:, 0] += ahead_s
+    return SharedPlan(
+        0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m,
+        is_emergency=constructed.verdict is Verdict.EMERGENCY,
+    )  # fmt: skip
 
 
 def can_wait(state: FlightState, ownship: Ownship, current: MissionCurrent | None) -> bool:

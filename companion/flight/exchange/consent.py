@@ -7,6 +7,7 @@ from typing import Protocol
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.mission.swap import Consent
 from companion.types.events import ClockReported, TeamMessage
+from companion.types.path import Path
 
 
 class Team(Consent, Protocol):
@@ -23,6 +24,12 @@ class Team(Consent, Protocol):
 
     def keep_up(self) -> bool:
         """Send what is due; return whether other goals are flown from now on."""
+
+    def circling(self) -> frozenset[str]:
+        """Return the identities of members that circle at the end of their plans."""
+
+    def request(self, path: Path, /) -> None:
+        """Request that members move whose circles bar a path to the goal."""
 
     def status(self) -> dict[str, object]:
         """Return the members for pages."""
@@ -50,6 +57,13 @@ class NobodyAsked:
     def keep_up(self) -> bool:
         """Return False: no goals are shared."""
         return False
+
+    def circling(self) -> frozenset[str]:
+        """Return nobody."""
+        return frozenset()
+
+    def request(self, _path: Path, /) -> None:
+        """Do nothing."""
 
     def status(self) -> dict[str, object]:
         """Return nothing: there are no members."""

@@ -7,35 +7,33 @@ of both the flown and the proposed path.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from companion.clock import Clock
 from companion.flight.construction.mission_construction import ConstructedMission
-from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait
+from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait, proposed_plan
+from companion.flight.exchange.circle_aside import circle_aside, may_move_aside, wanted_plan
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
-from companion.flight.state.decision import DecisionKind, Verdict
-from companion.flight.state.flight_state import StateOwner, after_auction
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import StateOwner, after_auction, after_goal_added
 from companion.flight.state.team_part import is_available, new_agreement, reached_goals
 from companion.mission.team.agreement import Agreement, Outcome
 from companion.mission.team.member_tracks import (
-    STOPS_S,
-    may_come_into,
+    IDENTITY,
+    PlansNear,
     member_named,
     members_among,
     track_of_plan,
 )
-from companion.mission.team.shared_plan import SharedPlan, entering_circle
 from companion.tracking.ownship import OwnshipEstimator
 from companion.types.events import ClockReported, TeamMessage
-from companion.types.state import Ownship
+from companion.types.path import Path
 from companion.types.threat import TrackState
 
 DRIFT = 1e-4  # Two clocks drift apart by at most this share of the time.
+NO_PLAN: dict[str, object] = {"plan_enu_m": [], "circle_m": 0.0}  # A member's document without its plan.
 PLANNED_SLACK_M = 25.0  # Announced plans have tolerances of up to 10 m more, and plans keep clear of those.
 
 
@@ -93,8 +91,7 @@ class TeamExchange:
         self._lost = frozenset[int]()
         # When each member was sighted last [s], and where [m].
         self._sightings: dict[int, tuple[float, tuple[float, float, float]]] = {}
-        self._near: list[SharedPlan] = []
-        self._near_to: object = None
+        self._near = PlansNear()
 
     @property
     def agreement(self) -> Agreement | None:
@@ -128,7 +125,7 @@ class TeamExchange:
             return False
         self._announce(agreement, utc_s)
         lost = agreement.members_lost(utc_s)
-        has_other_goals = self._share_goals(agreement, utc_s, lost)
+        has_other_goals = self._share_goals(agreement, utc_s, lost) or self._move_aside(agreement, utc_s)
         for payload in agreement.outgoing(utc_s):
             self._link.send(self._link.codec.team_message(payload))
         for member in sorted(lost ^ self._lost):
@@ -168,6 +165,20 @@ class TeamExchange:
         self._announcer.decide(DecisionKind.TEAM, f"goals: {words}")
         return True
 
+    def _move_aside(self, agreement: Agreement, utc_s: float) -> bool:
+        """Fly to a circle elsewhere if another member has to pass the own one; return whether it is so."""
+        state, requests = self._flight.state, agreement.requests(utc_s)
+        if not requests or not may_move_aside(state, agreement, self._link.autopilot.current, utc_s):
+            return False
+        place = circle_aside(state, agreement, requests, utc_s)
+        if place is None:
+            return False
+        self._flight.apply(after_goal_added, place)
+        members = _listed(plan.member for plan in requests)
+        text = f"moving out of the way of system {members}"
+        self._announcer.decide(DecisionKind.TEAM, text, tell="moves aside", about=members, member=members)
+        return True
+
     def _announce(self, agreement: Agreement, utc_s: float, *, anew: bool = False) -> None:
         """Announce what is flown if that is nothing that the others know, or ``anew`` in any case."""
         state, now_s = self._flight.state, self._clock.now_s()
@@ -195,46 +206,39 @@ class TeamExchange:
         self._is_asking = False
         if agreement is None or ahead_s is None or ownship is None:
             return ""
-        plan = self._plan_of(constructed, ownship, ahead_s)
-        if not can_wait(self._flight.state, ownship, self._link.autopilot.current):
+        state, current = self._flight.state, self._link.autopilot.current
+        plan = proposed_plan(state, constructed, ownship, current, ahead_s)
+        if not can_wait(state, ownship, current):
             agreement.announce(plan)
             return ""
         self._is_asking = True
         # The autopilot's direction may have become known since. It cannot be announced during a proposal.
-        self._announce(agreement, plan.start_s, anew=self._flight.state.flown is None)
+        self._announce(agreement, plan.start_s, anew=state.flown is None)
         if agreement.propose(plan, plan.start_s, constructed.start.state.stamp_s + ahead_s) is None:
             return f"the path of system {_listed(agreement.refused_by)}"
         return ""
 
-    def _plan_of(self, constructed: ConstructedMission, ownship: Ownship, ahead_s: float) -> SharedPlan:
-        """Return what is flown from now on: the flown path up to the start, the mission, and its circle.
+    def circling(self) -> frozenset[str]:
+        """Return the identities of members that circle at the end of their plans."""
+        return frozenset(f"{IDENTITY}{member}" for member in self._circling())
 
-        If the operator's items follow the goal, there is no circle. They are announced when they are flown.
-        The agreement fills in the plan's member and number.
-        """
-        config, now_s, flown = self._flight.state.mission.team, ownship.stamp_s, self._flight.state.flown
-        assert config is not None  # There is an agreement.
-        start_s, path = constructed.start.state.stamp_s, constructed.path
-        if flown is None:
-            before = announced_rows(self._flight.state, ownship, self._link.autopilot.current)
-        else:
-            before = np.column_stack([flown.path.times_s, flown.path.positions_enu_m])
-        is_before = (before[:, 0] > now_s) & (before[:, 0] < start_s - STOPS_S)
-        parts = [np.array([[now_s, *ownship.position_enu_m]]), before[is_before]]
-        is_carried = (path.times_s > now_s) & (path.times_s <= constructed.covered_until_s)
-        parts.append(np.column_stack([path.times_s, path.positions_enu_m])[is_carried])
-        rows, radius_m = np.vstack(parts), 0.0
-        if not constructed.waypoints.continues_with_operator_items:
-            centre, signed_m = constructed.waypoints.circle
-            radius_m = abs(signed_m) or float(self._flight.state.turn_radius_m)
-            away_m = max(math.dist(rows[-1, 1:3], centre[:2]) - radius_m, 0.0)
-            entered_s = rows[-1, 0] + away_m / max(ownship.airspeed_m_s, 1.0)
-            rows = entering_circle(np.vstack([rows, [entered_s, *centre]]), radius_m)
-        rows[:, 0] += ahead_s
-        return SharedPlan(
-            0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m,
-            is_emergency=constructed.verdict is Verdict.EMERGENCY,
-        )  # fmt: skip
+    def _circling(self) -> frozenset[int]:
+        agreement, utc_s = self._agreement, self._utc_s()
+        if agreement is None or utc_s is None:
+            return frozenset()
+        there = {plan.member for plan in agreement.plans_to_clear() if plan.circles_at(utc_s)}
+        return agreement.members_as_announced(utc_s) & there
+
+    def request(self, path: Path) -> None:
+        """Request that members move whose circles bar a path to the goal."""
+        agreement, utc_s, state = self._agreement, self._utc_s(), self._flight.state
+        if agreement is None or utc_s is None or state.mission.team is None:
+            return
+        barring = self._circling() & agreement.request(wanted_plan(state, path, utc_s), utc_s)
+        if barring:
+            who = _listed(barring)
+            text = f"system {who} bars the way to the goal, and is asked to move"
+            self._announcer.decide(DecisionKind.TEAM, text, tell="barred", about=who, member=who)
 
     @property
     def is_given(self) -> bool:
@@ -283,8 +287,7 @@ class TeamExchange:
                 "is_own": member == agreement.member,
                 "is_lost": member in lost,
                 "place_enu_m": self._place_of(member) if member not in lost else None,
-                "plan_enu_m": _plan_rows(plans.get(member)),
-                "circle_m": round(plans[member].radius_m, 1) if member in plans else 0.0,
+                **(plans[member].document() if member in plans else NO_PLAN),
                 "goals": [goal + 1 for goal in lists.get(member, ())],
             }
             for member in members
@@ -299,7 +302,7 @@ class TeamExchange:
     # --- where the others will be
 
     @property
-    def plans(self) -> tuple[SharedPlan, ...]:
+    def plans(self) -> tuple[object, ...]:
         """The plans of others from which this member keeps clear."""
         return () if self._agreement is None else self._agreement.plans_to_clear()
 
@@ -335,10 +338,10 @@ class TeamExchange:
         now_s : float
             The clock's reading [s].
         """
-        agreement, config = self._agreement, self._flight.state.mission.team
-        if agreement is None or config is None or self._utc.ahead_s is None:
+        agreement, ahead_s, state = self._agreement, self._utc.ahead_s, self._flight.state
+        config = state.mission.team
+        if agreement is None or config is None or ahead_s is None:
             return tuple(tracks)
-        ahead_s = self._utc.ahead_s
         sighted, others = members_among(tracks, config.members)
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_SLACK_M
         up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
@@ -348,25 +351,11 @@ class TeamExchange:
             for member, track in sighted.items()
             if member not in as_announced
         ]
-        others += [
-            track_of_plan(plan, now_s, ahead_s, reach_m, up_m) for plan in self._plans_near(reach_m, up_m)
-        ]
+        bounds = state.mission.bounds
+        area = (bounds.east_m, bounds.north_m, bounds.up_m)
+        near = self._near.of(agreement.plans_to_clear(), area, reach_m, up_m)
+        others += [track_of_plan(plan, now_s, ahead_s, reach_m, up_m) for plan in near]
         return tuple(sorted(others, key=lambda track: track.identity))
-
-    def _plans_near(self, reach_m: float, up_m: float) -> list[SharedPlan]:
-        """Return the plans of others that may come near to an aircraft within the mission's bounds."""
-        plans, bounds = self.plans, self._flight.state.mission.bounds
-        key = (plans, reach_m, up_m, bounds)
-        if self._near_to != key:
-            area = np.array([bounds.east_m, bounds.north_m, bounds.up_m])
-            self._near = [plan for plan in plans if may_come_into(area, plan, reach_m, up_m)]
-            self._near_to = key
-        return self._near
-
-
-def _plan_rows(plan: SharedPlan | None) -> list[list[float]]:
-    """Return the places of a plan, each east, north, up [m]."""
-    return [] if plan is None else np.round(plan.rows[:, 1:], 1).tolist()
 
 
 def _listed(members: Iterable[int]) -> str:

@@ -29,6 +29,7 @@ Conclusion = TypeVar("Conclusion")
 __all__ = ["PlanBrokenOffError", "PlanMaker", "PlanRun", "PlanRunner", "Planner"]
 
 PLAN, LEAST_THREAT, RALLY_POINT, RETURN = "plan", "least threat", "rally point", "return"
+PASSAGE = "passage"
 STALLED_S = 5.0  # A plan that exceeds its budget by this time is stalled.
 LOOK_INTERVAL_S = 0.1  # With simulated time, a waiting plan is checked at this interval for being unwanted.
 SEEDS_A_FLIGHT = 100_003  # After this many plans the seeds of a flight would repeat those of the next seed.
@@ -41,7 +42,8 @@ class PlanRequest:
     Parameters
     ----------
     purpose : str
-        ``plan``; in an emergency ``least threat``, ``rally point``; for a return path ``return``.
+        ``plan``; in an emergency ``least threat``, ``rally point``; for a return path ``return``; without the
+        circles of other members ``passage``.
     rules : Rules
         The rules for the plan.
     goals : tuple of GoalRegion

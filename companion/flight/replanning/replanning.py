@@ -24,6 +24,7 @@ from companion.flight.monitors.energy_watch import EnergyWatch
 from companion.flight.prediction.return_path import return_path
 from companion.flight.replanning.look_ahead import LookAhead
 from companion.flight.replanning.plan_maker import (
+    PASSAGE,
     PlanBrokenOffError,
     PlanRequest,
     PlanRun,
@@ -57,6 +58,7 @@ STEP_WORDS = {  # Words in the pilot's text about each step.
     EmergencyStep.RETURN_TO_LAUNCH: "returning to launch",
 }
 RETURN_BLOCKED = "the way home does not keep clear any more"  # Recorded if return to launch became unsafe.
+BARRED_S = 15.0  # Others are requested to move once nothing has led to the goal for so long, and again.
 # After this many failed swaps in a row the pilot is informed that the flown path is kept.
 FAILED_SWAPS_MAX = 3
 
@@ -97,7 +99,7 @@ class Replanning:
         self.handover, self.geofences = parts.handover, parts.geofences
         self.team = parts.handover.protocols.team
         self._rally_points = parts.rally_points
-        self._num_failed_swaps = 0
+        self._num_failed_swaps, self._led_to_goal_s = 0, -math.inf
         self.look_ahead = LookAhead(parts)
         self.freshness, self.performance = parts.freshness, parts.performance
         self.energy = EnergyWatch(parts.flight, parts.world_model, parts.handover.reader, parts.announcer)
@@ -212,6 +214,7 @@ class Replanning:
             request = plan_request(state, start, snapshot, is_urgent=is_urgent)
             self._surprises.note_judgement(start.rest, is_failing=request.is_failing)
             await self._plan(request, track_s)
+            await self._request_passage(request)
         return None
 
     def _is_urgent(self, snapshot: Snapshot) -> bool:
@@ -273,6 +276,24 @@ class Replanning:
             await self._respond(run, request, track_s)
         else:
             self.emergency = None
+
+    async def _request_passage(self, request: PlanRequest) -> None:
+        """Request that others move, if nothing leads to the goal and only their circles bar the way there."""
+        state, now = self._flight.state, self._clock.now_s()
+        if math.isinf(self._led_to_goal_s) or (state.flies_to_goal and not ends_within(state, 0.0)):
+            self._led_to_goal_s = now
+        circling = self.team.circling()
+        if not circling or request.is_urgent or now - self._led_to_goal_s < BARRED_S:
+            return
+        self._led_to_goal_s = now
+        snapshot = request.snapshot
+        others = [track for track in snapshot.tracks if track.identity not in circling]
+        without = snapshot.with_tracks(snapshot.stamp_s, others)
+        run, path = await self._maker.make(
+            replace(request, purpose=PASSAGE, snapshot=without), lambda plan: plan.path
+        )
+        if path is not None and run.plan.reaches_goal and not self._is_outdated(request):
+            self.team.request(path)
 
     def _least_gain(self, *, is_urgent: bool) -> float:
         """Return the share by which a path has to cost less than the flown one if neither passes."""

@@ -25,6 +25,7 @@ takeover                    :func:`after_takeover`
 mission entered             :func:`after_swap`
 own position                :func:`after_position`
 goals won in a team         :func:`after_auction`
+asked to circle elsewhere   :func:`after_goal_added`
 return that is planned      :func:`after_return_begun`
 ==========================  =============================================================
 """
@@ -98,6 +99,9 @@ class FlightState:
         Whether other members of the team have goals left that this one may win.
     is_returning : bool
         Whether the service plans a return that was begun; its end is the last goal.
+    num_added : int
+        Number of goals at the end, 0 or 1, that are not the mission's: the end of a return, or a circle out
+        of another member's way.
     flown : FlownPath or None
         The flown path of the service.
     tail_enu_m : tuple of float, or None
@@ -141,6 +145,7 @@ class FlightState:
     next_goal: int = 0
     is_on_call: bool = False
     is_returning: bool = False
+    num_added: int = 0
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
@@ -179,6 +184,11 @@ class FlightState:
         """Whether the last goal was reached, and the team has none left for this member."""
         may_arrive = bool(self.goals) or self.mission.shares_goals
         return may_arrive and not self.goals_left and not self.is_on_call
+
+    @property
+    def own_goals(self) -> tuple[GoalRegion, ...]:
+        """The mission's goals, without one that was added."""
+        return self.goals[: len(self.goals) - self.num_added]
 
     @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
@@ -281,15 +291,7 @@ class StateOwner:
 
 
 def first_state(mission: MissionConfig, now_s: float) -> FlightState:
-    """Return the state before anything is received.
-
-    Parameters
-    ----------
-    mission : MissionConfig
-        The mission file.
-    now_s : float
-        The clock's reading [s].
-    """
+    """Return the state before anything is received, at a reading of the clock [s]."""
     rules, shared = rules_of(mission), mission.shares_goals
     return FlightState(rules, FlightPhase(now_s), goals=() if shared else rules.goals, is_on_call=shared)
 
@@ -304,10 +306,10 @@ def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
     if mode is state.mode:
         return state
     if event is ModeEvent.LANDED:
-        goals = (state.rules.goals or state.goals[:-1]) if state.is_returning else state.goals
+        goals = (state.is_returning and state.rules.goals) or state.own_goals
         return replace(
-            state, mode=mode, goals=goals, is_returning=False, next_goal=0, flown=None, tail_enu_m=None,
-            mission_list=after_landing(state.mission_list),
+            state, mode=mode, goals=goals, is_returning=False, num_added=0, next_goal=0, flown=None,
+            tail_enu_m=None, mission_list=after_landing(state.mission_list),
         )  # fmt: skip
     is_back = mode is Mode.ACTIVE and event in (ModeEvent.MISSION_FLOWN, ModeEvent.RETURN_RENEWED)
     listed = after_pause(state.mission_list) if is_back else state.mission_list
@@ -392,13 +394,15 @@ def after_rally_reported(state: FlightState, *, holds_any: bool) -> FlightState:
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """Return the state with another mission file; a changed list of goals begins at its first."""
     rules = rules_of(mission, state.rules.fences, state.settings)
-    goals, next_goal = state.goals, state.next_goal
+    goals, next_goal, num_added = state.goals, state.next_goal, state.num_added
     has_own = mission.goals_from_autopilot or mission.shares_goals or state.is_returning
-    if not has_own and rules.goals != goals:
-        goals, next_goal = rules.goals, 0
+    if not has_own and rules.goals != state.own_goals:
+        goals, next_goal, num_added = rules.goals, 0, 0
     is_other = mission.goals != state.mission.goals
     listed = after_other_goals(state.mission_list) if is_other else state.mission_list
-    return replace(state, rules=rules, goals=goals, next_goal=next_goal, mission_list=listed)
+    return replace(
+        state, rules=rules, goals=goals, next_goal=next_goal, num_added=num_added, mission_list=listed
+    )  # fmt: skip
 
 
 def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
@@ -422,14 +426,24 @@ def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> F
     """Return the state with the operator's waypoints as goals; in the plane, at the mission's level."""
     regions = tuple(state.region_at(goal.position_enu_m) for goal in goals)
     actions, items = tuple(goal.actions for goal in goals), tuple(goal.sequence for goal in goals)
-    return replace(state, goals=regions, actions=actions, goal_items=items, next_goal=0)
+    return replace(state, goals=regions, actions=actions, goal_items=items, next_goal=0, num_added=0)
 
 
 def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> FlightState:
     """Return the state with the goals that this member has won; it waits until the team's are all flown."""
-    goals = (*state.goals[: state.next_goal], *(state.rules.goals[number] for number in won))
-    is_on_call = not is_over and (not goals or state.tail_enu_m is None)
-    return replace(state, goals=goals, is_on_call=is_on_call)
+    passed, left = state.own_goals[: state.next_goal], tuple(state.rules.goals[number] for number in won)
+    is_on_call = not is_over and (not (*passed, *left) or state.tail_enu_m is None)
+    if not left and state.num_added:
+        return replace(state, is_on_call=is_on_call)
+    return replace(
+        state, goals=(*passed, *left), num_added=0, next_goal=len(passed), is_on_call=is_on_call
+    )  # fmt: skip
+
+
+def after_goal_added(state: FlightState, place: GoalRegion) -> FlightState:
+    """Return the state with a place that is not the mission's as the only goal left."""
+    own = state.own_goals
+    return replace(state, goals=(*own, place), num_added=1, next_goal=len(own))
 
 
 def after_return_begun(
@@ -437,10 +451,7 @@ def after_return_begun(
 ) -> FlightState:
     """Return the state with the end of a return as the only goal left; a landing may follow there."""
     tail = state.tail_enu_m if is_landing else None
-    return replace(
-        state, is_returning=True, goals=(*state.goals, place), next_goal=len(state.goals), tail_enu_m=tail,
-        flown=flown,
-    )  # fmt: skip
+    return replace(after_goal_added(state, place), is_returning=True, tail_enu_m=tail, flown=flown)
 
 
 def after_takeover(state: FlightState, sequence: int) -> FlightState:
@@ -458,17 +469,7 @@ def after_takeover(state: FlightState, sequence: int) -> FlightState:
 def after_restart(
     state: FlightState, flown: FlownPath | None = None, num_goals_reached: int = 0
 ) -> FlightState:
-    """Return the state after a restart in flight: the flown path, and the goals that were reached before.
-
-    Parameters
-    ----------
-    state : FlightState
-        The initial state.
-    flown : FlownPath, optional
-        The restored path of the mission that the autopilot flies.
-    num_goals_reached : int
-        Number of goals that were reached before.
-    """
+    """Return the state after a restart in flight, with the restored path and the goals that were reached."""
     return replace(state, flown=flown or state.flown, next_goal=max(state.next_goal, num_goals_reached))
 
 

@@ -7,7 +7,8 @@ mission file's ``takeover`` names. Only then is the service ``ACTIVE`` and uploa
 mode on the first heartbeat that reports another flight mode: the pilot always wins, and the service never
 changes a flight mode. It is then ``SUSPENDED``. Whether it becomes active again when the mission mode
 returns is the mission file's ``authority.resume``. ``ARRIVED`` holds until the aircraft has landed: what
-follows the goal is the operator's, unless the engine stops and the mission file lets the service glide down.
+follows the goal is the operator's, unless the engine stops and the mission file lets the service glide down,
+or the aircraft circles at the goal in another team member's way.
 
 If the autopilot falls silent while the service is active, the service waits in ``LOST``. If the autopilot
 returns in another flight mode, the pilot has taken over meanwhile. A mission that another station uploads in
@@ -41,6 +42,7 @@ SUSPENDED      mission flown       ACTIVE (resume: auto), else SUSPENDED
 SUSPENDED      return path flown   YIELDED
 SUSPENDED      landed              STANDBY
 ARRIVED        glide begun         ACTIVE
+ARRIVED        other goals         ACTIVE
 ARRIVED        landed              STANDBY
 =============  ==================  =============
 """
@@ -76,6 +78,7 @@ class ModeEvent(Enum):
     TAKEOVER_DUE = "takeover due"
     GOAL_REACHED = "goal reached"
     GLIDE_BEGUN = "glide begun"
+    OTHER_GOALS = "other goals"
     AUTOPILOT_SILENT = "autopilot silent"
     OTHER_MISSION = "foreign mission"
     RETURN_FLOWN = "return path flown"
@@ -94,6 +97,7 @@ _TABLE: dict[tuple[Mode, ModeEvent], Mode] = {
     (Mode.ACTIVE, ModeEvent.MISSION_NOT_FLOWN): Mode.SUSPENDED,
     (Mode.ACTIVE, ModeEvent.GOAL_REACHED): Mode.ARRIVED,
     (Mode.ARRIVED, ModeEvent.GLIDE_BEGUN): Mode.ACTIVE,
+    (Mode.ARRIVED, ModeEvent.OTHER_GOALS): Mode.ACTIVE,
     (Mode.ACTIVE, ModeEvent.OTHER_MISSION): Mode.YIELDED,
     (Mode.ACTIVE, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     (Mode.YIELDED, ModeEvent.RETURN_RENEWED): Mode.ACTIVE,

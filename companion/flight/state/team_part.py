@@ -57,4 +57,4 @@ def is_available(state: FlightState) -> bool:
 def reached_goals(state: FlightState) -> tuple[int, ...]:
     """Return the numbers of the mission file's goals that this member has reached, from 0."""
     listed = state.rules.goals
-    return tuple(listed.index(goal) for goal in state.goals[: state.next_goal])
+    return tuple(listed.index(goal) for goal in state.own_goals[: state.next_goal])

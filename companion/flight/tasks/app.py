@@ -457,6 +457,7 @@ class App:
         while True:
             now = self._clock.now_s()
             if self.replanning.team.keep_up():
+                self.change(ModeEvent.OTHER_GOALS)
                 self.replanning.plan_at_once(OTHER_GOALS)
             if self.replanning.freshness.look(now):
                 self.replanning.plan_at_once(FRESH_AGAIN)

@@ -24,15 +24,15 @@ from __future__ import annotations
 import enum
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 from companion.frames import LocalFrame
 from companion.mission.team.goal_auction import GoalAuction
 from companion.mission.team.pacing import Pacing
-from companion.mission.team.peer import Peer, Proposal
+from companion.mission.team.peer import Deviations, Peer, Proposal
 from companion.mission.team.plan_parts import PlanParts
-from companion.mission.team.separation import are_far_apart, margin_between
+from companion.mission.team.separation import Margin, is_too_near, margin_of
 from companion.mission.team.shared_plan import SharedPlan
 from companion.mission.team.team_settings import TeamSettings
 from companion.mission.team.wire import (
@@ -49,8 +49,9 @@ from companion.mission.team.wire import (
     transmitted_plan,
 )
 
-Margin = Callable[[SharedPlan, SharedPlan, float], float]
-WORSE_M = 15.0  # The announced path is rounded, and its tolerances differ, by no more than this.
+REQUEST_SIMPLIFY_M = 20.0  # A request is no promise, so its path may be coarse and short.
+REQUESTED_S = 5.0  # A request is told for so long, once a second or less often.
+REQUEST_LASTS_S = 30.0  # It is answered within this time: the circle may be in use for something else.
 
 
 class Outcome(enum.Enum):
@@ -83,7 +84,7 @@ class Agreement:
         Number of the first plan. After a restart it has to be newer than any number used before.
     margin : callable, optional
         Least margin of two plans from an instant on, negative if they conflict [m]; by default
-        :func:`margin_between` with the distances of the settings, and infinity for plans that are never near.
+        :func:`margin_of` the settings.
     commits_itself : bool
         Whether a proposal is committed as soon as everybody has approved it. Otherwise its owner calls
         :meth:`commit` once it is flown; until then both plans are kept clear of.
@@ -109,11 +110,12 @@ class Agreement:
         self.counters: Counter[str] = Counter()
         self._members = tuple(sorted({*members, member}))
         self._frame, self._settings = frame, settings
-        self._margin = margin or self._least_margin
+        self._margin = margin or margin_of(settings)
         self._commits_itself = commits_itself
         self._peers = {other: Peer() for other in self._members if other != member}
         self._received_s = dict.fromkeys(self._peers, started_s)
-        self._off_since_s: dict[int, float] = {}
+        self._deviations = Deviations()
+        self._requests: dict[int, tuple[SharedPlan, float]] = {}  # With the time of receipt [s].
         self._parts = PlanParts()
         self._next = first_number
         self._committed: SharedPlan | None = None
@@ -162,8 +164,7 @@ class Agreement:
 
     def members_deviating(self, now_s: float) -> frozenset[int]:
         """Return members that deviate from their announced plans: they are treated as any other aircraft."""
-        since_s = now_s - self._settings.deviating_after_s
-        return frozenset(other for other, off_s in self._off_since_s.items() if off_s <= since_s)
+        return self._deviations.members(now_s - self._settings.deviating_after_s)
 
     def members_as_announced(self, now_s: float) -> frozenset[int]:
         """Return the members that announced a plan, are not lost, and do not deviate."""
@@ -215,18 +216,40 @@ class Agreement:
         against = {
             other.member
             for other in self.plans_to_clear()
-            if self._is_too_near(transmitted, self._committed, other, now_s)
+            if is_too_near(self._margin, transmitted, self._committed, other, now_s)
         }
         if against:
             self._end_proposal(Outcome.REFUSED, frozenset(against))
             return None
+        self._begin_proposal(Proposal(transmitted, commit_before_s), now_s)
+        return transmitted
+
+    def request(self, plan: SharedPlan, now_s: float) -> frozenset[int]:
+        """Request that members whose circles are in the way of a plan fly a circle elsewhere.
+
+        A request is told like a proposal from a UTC time [s] on, for ``REQUESTED_S`` or until all have
+        answered. Nobody approves it, and it is never committed. Returns the members in whose way it is.
+        """
+        numbered = replace(plan, member=self.member, number=self._next, is_request=True)
+        transmitted = transmitted_plan(numbered, self._frame, REQUEST_SIMPLIFY_M)
+        self._begin_proposal(Proposal(transmitted, now_s + REQUESTED_S), now_s)
+        others = self.plans_to_clear()
+        return frozenset(other.member for other in others if self._margin(transmitted, other, now_s) < 0.0)
+
+    def _begin_proposal(self, proposal: Proposal, now_s: float) -> None:
+        """Tell a proposal, or a request, with the next number."""
         self._next = next_number(self._next)
-        self._proposal = Proposal(transmitted, commit_before_s)
+        self._proposal = proposal
         self._outcome, self._refused_by = Outcome.PENDING, frozenset()
-        self._standing = Standing(self._standing.committed, transmitted.number, is_pending=True)
+        self._standing = Standing(self._standing.committed, proposal.plan.number, is_pending=True)
         self._pacing.note_proposal(now_s)
         self._settle(now_s)
-        return transmitted
+
+    def requests(self, now_s: float) -> tuple[SharedPlan, ...]:
+        """Return what others requested in the last ``REQUEST_LASTS_S`` that this member's circle bars."""
+        own, recent_s = self._committed, now_s - REQUEST_LASTS_S
+        recent = [plan for plan, received_s in self._requests.values() if received_s >= recent_s]
+        return tuple(plan for plan in recent if own is not None and self._margin(own, plan, now_s) < 0.0)
 
     def announce(self, plan: SharedPlan) -> SharedPlan:
         """Announce what is flown although nobody has approved it, instead of the committed plan.
@@ -296,13 +319,8 @@ class Agreement:
             UTC time of the position [s].
         """
         peer = self._peers.get(member)
-        if peer is None:
-            return
-        plans = [plan for plan in (peer.committed, peer.proposed) if plan is not None]
-        if not plans or any(plan.is_flown_at(place_enu_m, time_s) for plan in plans):
-            self._off_since_s.pop(member, None)
-        else:
-            self._off_since_s.setdefault(member, time_s)
+        if peer is not None:
+            self._deviations.note(member, peer, place_enu_m, time_s)
 
     def receive(self, sender: int, payload: bytes, now_s: float) -> None:
         """Take in a payload of another member. What is wrong is dropped and counted in ``counters``.
@@ -413,11 +431,16 @@ class Agreement:
         """Approve a proposal, or refuse it.
 
         It is refused if it conflicts with the committed plan, unless what it replaces already comes as near.
+        A request is always refused.
         Of two proposals that conflict, the one that comes later in the order is withdrawn.
         """
         own, committed = self._proposal, self._committed
+        if plan.is_request:
+            self._requests[sender] = plan, now_s
         replaced = self._peers[sender].committed
-        is_approved = committed is None or not self._is_too_near(plan, replaced, committed, now_s)
+        is_clear = committed is None or not is_too_near(self._margin, plan, replaced, committed, now_s)
+        is_approved = is_clear and not plan.is_request
+        own = None if own is None or own.plan.is_request else own
         if is_approved and own is not None and self._margin(own.plan, plan, now_s) < 0.0:
             is_approved = plan.rank < own.plan.rank
             if is_approved:
@@ -428,7 +451,7 @@ class Agreement:
     def _make_way(self, plan: SharedPlan, now_s: float) -> None:
         """Withdraw what is proposed if it conflicts with a committed plan that was not approved here."""
         own = self._proposal
-        if own is not None and self._is_too_near(own.plan, self._committed, plan, now_s):
+        if own is not None and is_too_near(self._margin, own.plan, self._committed, plan, now_s):
             self._end_proposal(Outcome.REFUSED, frozenset({plan.member}))
 
     def _take_report(self, sender: int, report: Report, now_s: float) -> None:
@@ -441,9 +464,9 @@ class Agreement:
         if own is None:
             return
         answer = (self.member, own.plan.number)
-        if answer in report.refused:
+        if answer in report.refused and not own.plan.is_request:
             self._end_proposal(Outcome.REFUSED, frozenset({sender}))
-        elif answer in report.approved:
+        elif answer in (*report.approved, *report.refused):
             self._proposal = replace(own, approvals=own.approvals | {sender})
             self._settle(now_s)
 
@@ -456,7 +479,11 @@ class Agreement:
             self._end_proposal(Outcome.WITHDRAWN)
             return
         since_s, has = now_s - self._settings.lost_after_s, own.approvals - self._missing
-        if all(other in has or at_s <= since_s for other, at_s in self._received_s.items()):
+        if not all(other in has or at_s <= since_s for other, at_s in self._received_s.items()):
+            return
+        if own.plan.is_request:
+            self._end_proposal(Outcome.WITHDRAWN)
+        else:
             self._outcome = Outcome.APPROVED
             if self._commits_itself:
                 self.commit()
@@ -470,21 +497,3 @@ class Agreement:
         committed = None if self._committed is None else self._committed.number
         self._standing = Standing(committed, self._standing.latest)
         self._pacing.note_news()
-
-    def _is_too_near(
-        self, plan: SharedPlan, replaced: SharedPlan | None, other: SharedPlan, now_s: float
-    ) -> bool:
-        """Return whether a plan conflicts with another one, and nearer than what it replaces.
-
-        Two members that are too near to each other can part only so: all their plans conflict from now on.
-        """
-        margin_m = self._margin(plan, other, now_s)
-        if margin_m >= 0.0 or replaced is None:
-            return margin_m < 0.0
-        before_m = self._margin(replaced, other, now_s)
-        return before_m >= 0.0 or margin_m < before_m - WORSE_M
-
-    def _least_margin(self, one: SharedPlan, other: SharedPlan, since_s: float) -> float:
-        if are_far_apart(one, other, self._settings):
-            return math.inf
-        return margin_between(one, other, self._settings, since_s)

@@ -64,6 +64,28 @@ def may_come_into(area: FloatArray, plan: SharedPlan, reach_m: float, up_m: floa
     return bool((low <= area[:, 1]).all() and (high >= area[:, 0]).all())
 
 
+class PlansNear:
+    """The plans that may come near to an aircraft in an area; they are looked for when something changes."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._found: list[SharedPlan] = []
+
+    def of(
+        self,
+        plans: tuple[SharedPlan, ...],
+        area: tuple[tuple[float, float], ...],
+        reach_m: float,
+        up_m: float,
+    ) -> list[SharedPlan]:
+        """Return the plans for which :func:`may_come_into` holds, of an area as rows of it [m]."""
+        key = (plans, area, reach_m, up_m)
+        if self._key != key:
+            self._found = [plan for plan in plans if may_come_into(np.array(area), plan, reach_m, up_m)]
+            self._key = key
+        return self._found
+
+
 def track_of_plan(plan: SharedPlan, now_s: float, ahead_s: float, reach_m: float, up_m: float) -> TrackState:
     """Return a member that flies its plan as an aircraft that passes.
 

@@ -58,9 +58,28 @@ class Proposal:
     commit_before_s : float
         UTC time from which on it is too late to commit it [s].
     approvals : frozenset of int
-        Members that approved it.
+        Members that approved it; of a request, those that answered it.
     """
 
     plan: SharedPlan
     commit_before_s: float
     approvals: frozenset[int] = frozenset()
+
+
+class Deviations:
+    """Which members are off all of their plans that are known, and since when."""
+
+    def __init__(self) -> None:
+        self._since_s: dict[int, float] = {}
+
+    def note(self, member: int, peer: Peer, place_enu_m: tuple[float, float, float], time_s: float) -> None:
+        """Compare a member's place [m] at a UTC time [s] with what is known of its plans."""
+        plans = [plan for plan in (peer.committed, peer.proposed) if plan is not None]
+        if not plans or any(plan.is_flown_at(place_enu_m, time_s) for plan in plans):
+            self._since_s.pop(member, None)
+        else:
+            self._since_s.setdefault(member, time_s)
+
+    def members(self, since_s: float) -> frozenset[int]:
+        """Return the members that have been off their plans since a UTC time [s] or longer."""
+        return frozenset(member for member, off_s in self._since_s.items() if off_s <= since_s)

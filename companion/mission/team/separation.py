@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from companion.kernels.geometry.plan_separation import first_conflict, least_margin
 from companion.mission.team.shared_plan import SharedPlan
 from companion.mission.team.team_settings import TeamSettings
+
+Margin = Callable[[SharedPlan, SharedPlan, float], float]
+WORSE_M = 15.0  # The announced path is rounded, and its tolerances differ, by no more than this.
 
 
 def margin_between(one: SharedPlan, other: SharedPlan, settings: TeamSettings, since_s: float) -> float:
@@ -33,6 +37,49 @@ def margin_between(one: SharedPlan, other: SharedPlan, settings: TeamSettings, s
     return least_margin(
         one.rows * scales, one.discs_m, other.rows * scales, other.discs_m, since_s, apart_m, apart_m
     )
+
+
+def margin_of(settings: TeamSettings) -> Margin:
+    """Return :func:`margin_between` with the distances of settings; infinity for plans that are never near.
+
+    Parameters
+    ----------
+    settings : TeamSettings
+        Distances to be kept.
+    """
+
+    def margin(one: SharedPlan, other: SharedPlan, since_s: float) -> float:
+        is_far = are_far_apart(one, other, settings)
+        return math.inf if is_far else margin_between(one, other, settings, since_s)
+
+    return margin
+
+
+def is_too_near(
+    margin: Margin, plan: SharedPlan, replaced: SharedPlan | None, other: SharedPlan, since_s: float
+) -> bool:
+    """Return whether a plan conflicts with another one, and nearer than what it replaces.
+
+    Two members that are too near to each other can part only so: all their plans conflict from now on.
+
+    Parameters
+    ----------
+    margin : callable
+        Least margin of two plans from an instant on, negative if they conflict [m].
+    plan : SharedPlan
+        The plan.
+    replaced : SharedPlan or None
+        What its member is committed to now.
+    other : SharedPlan
+        The plan of another member.
+    since_s : float
+        UTC time from which on the plans are compared [s].
+    """
+    margin_m = margin(plan, other, since_s)
+    if margin_m >= 0.0 or replaced is None:
+        return margin_m < 0.0
+    before_m = margin(replaced, other, since_s)
+    return before_m >= 0.0 or margin_m < before_m - WORSE_M
 
 
 def are_far_apart(one: SharedPlan, other: SharedPlan, settings: TeamSettings) -> bool:

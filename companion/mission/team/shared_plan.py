@@ -53,6 +53,8 @@ class SharedPlan:
         How many other ways the member has, 0 to 255; who has less goes first.
     first_radius_m : float
         Radius of the circle about the first place; 0 if the path does not begin in a circle [m].
+    is_request : bool
+        True if the plan is never flown: it asks others to move the circles that are in its way.
     """
 
     member: int
@@ -64,6 +66,7 @@ class SharedPlan:
     is_emergency: bool = False
     room: int = 255
     first_radius_m: float = 0.0
+    is_request: bool = False
     discs_m: FloatArray = field(init=False, repr=False)
     box_m: tuple[float, ...] = field(init=False, repr=False)
 
@@ -129,6 +132,14 @@ class SharedPlan:
         if time_s >= self.end_s - ROUNDED_S:
             return self.radius_m
         return float(self.discs_m[0]) if time_s < self.leaves_s + ROUNDED_S else 0.0
+
+    def document(self) -> dict[str, object]:
+        """Return the places, each east, north, up, and the last circle's radius [m], for pages."""
+        return {"plan_enu_m": np.round(self.rows[:, 1:], 1).tolist(), "circle_m": round(self.radius_m, 1)}
+
+    def circles_at(self, time_s: float) -> bool:
+        """Return whether the member is in the circle at the plan's end at a UTC time [s]."""
+        return self.radius_m > 0.0 and time_s >= self.end_s
 
     def is_flown_at(self, place_enu_m: tuple[float, float, float], time_s: float) -> bool:
         """Return whether a place at an instant is within the plan's tolerance."""

@@ -31,7 +31,7 @@ PAYLOAD_BYTES = 128
 VERSION = 1
 REPORT, PLAN, BID = 1, 2, 3
 HAS_COMMITTED, HAS_LATEST, IS_PENDING = 1, 2, 4
-IS_EMERGENCY = 1
+IS_EMERGENCY, IS_REQUEST = 1, 2
 
 HEADER = struct.Struct("<BBHH")  # version and kind, flags, committed number, latest number
 COUNTS = struct.Struct(
@@ -356,6 +356,7 @@ def _read_plan(body: bytes, member: int, number: int, frame: LocalFrame, near_s:
     return SharedPlan(
         member, number, rows, radius * TENTH_M, tolerance * TENTH_M, up * TENTH_M,
         is_emergency=bool(flags & IS_EMERGENCY), room=room, first_radius_m=first_radius * TENTH_M,
+        is_request=bool(flags & IS_REQUEST),
     )  # fmt: skip
 
 
@@ -451,8 +452,9 @@ def _plan_body(plan: SharedPlan, frame: LocalFrame) -> bytes:
     if PLAN_HEAD.size + (len(rows) - 1) * ROW.size > FRAGMENTS_MAX * FRAGMENT_BYTES or len(rows) > 255:
         raise ValueError(f"plan: {len(rows)} rows: expected fewer")
     head = PLAN_HEAD.pack(
-        IS_EMERGENCY if plan.is_emergency else 0, min(max(plan.room, 0), 255), start % TICKS,
-        latitude_e7, longitude_e7, slow << 4 | coarse, *sizes, len(rows), int(altitudes[0]),
+        IS_EMERGENCY * plan.is_emergency | IS_REQUEST * plan.is_request, min(max(plan.room, 0), 255),
+        start % TICKS, latitude_e7, longitude_e7, slow << 4 | coarse, *sizes, len(rows),
+        int(altitudes[0]),
     )  # fmt: skip
     step = STEP_M * 2.0**coarse
     table = np.column_stack([ticks, np.round(east / step), np.round(north / step), altitudes])[1:]

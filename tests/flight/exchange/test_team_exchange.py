@@ -380,3 +380,48 @@ def test_before_its_first_plan_a_member_announces_anew_what_it_flies_with_each_p
     assert team.exchange.agreement.committed.place_at(AHEAD_S + 5.0) == pytest.approx(
         (40.0, 0.0, 100.0), abs=0.1
     )
+
+
+def circling_at_the_goal(team):
+    """System 1 circles at its last goal, and no pilot flies it."""
+    text = LONG.replace("{east_m: 4000, north_m: 0, up_m: 100}", "{east_m: 0, north_m: 0, up_m: 100}")
+    own = first_state(mission_from_text(text, "here.yaml").model_copy(update={"team": TEAM}), 0.0)
+    own = replace(own, mode=Mode.ARRIVED, motion=Motion.MISSION, next_goal=len(own.goals))
+    here = SharedPlan(1, 0, np.array([[AHEAD_S, 0.0, 0.0, 100.0]]), 80.0, 50.0, 10.0)
+    team.exchange.agreement.announce(here)  # In the frame of the others, not in that of this mission.
+    team.exchange._flight = owner = StateOwner(own)
+    return owner
+
+
+def test_a_member_at_its_last_goal_moves_for_one_that_has_to_pass_and_the_pilot_is_told():
+    team = Team().begin()
+    owner = circling_at_the_goal(team)
+    team.talk(3.0)
+    rows = np.array([[AHEAD_S + 3.0, -1500.0, 0.0, 100.0], [AHEAD_S + 103.0, 1000.0, 0.0, 100.0]])
+    wanted = SharedPlan(2, 0, rows, 80.0, 50.0, 10.0)
+    assert team.others[2].propose(wanted, AHEAD_S + 3.0) is None  # It cannot pass.
+    assert team.others[2].request(wanted, AHEAD_S + 3.0) == {1}
+    team.talk(6.0)
+    (place,) = owner.state.goals_left
+    assert abs(place.position_enu_m[1]) > 80.0 + 200.0  # A circle of 80 m, and twice 50 m and 100 m.
+    assert team.told == ["moving out of the way of system 2"]
+    team.talk(12.0)
+    assert owner.state.goals_left == (place,)
+    assert len(team.told) == 1
+
+
+def test_those_are_requested_to_move_that_circle_in_the_way():
+    team = Team().begin()
+    for member, north_m in ((2, 0.0), (3, 900.0)):
+        rows = np.array([[AHEAD_S, 600.0, north_m, 100.0]])
+        team.others[member].announce(SharedPlan(member, 0, rows, 80.0, 50.0, 10.0))
+    team.talk(3.0)
+    assert team.exchange.circling() == {"system:2", "system:3"}
+    path = path_of(np.array([0.0, 60.0]), np.array([(0.0, 0.0, 100.0), (1200.0, 0.0, 100.0)]), np.zeros(2))
+    team.exchange.request(path)
+    assert team.told == ["system 2 bars the way to the goal, and is asked to move"]
+    team.talk(6.0)
+    assert [len(team.others[member].requests(AHEAD_S + 6.0)) for member in (2, 3)] == [1, 0]
+    assert team.exchange.is_given  # No mission waits for an answer.
+    team.talk(80.0, without=(2, 3))
+    assert team.exchange.circling() == frozenset()  # Nobody can request anything of lost members.

@@ -15,7 +15,9 @@ from companion.flight.state.flight_state import (
     FlightState,
     StateOwner,
     after_armed_reported,
+    after_auction,
     after_fences,
+    after_goal_added,
     after_mode_event,
     after_operator_goals,
     after_position,
@@ -26,6 +28,7 @@ from companion.flight.state.flight_state import (
 )
 from companion.flight.state.list_state import FlownPath, ListState, after_asked, after_swap_ended
 from companion.flight.state.modes import Mode, ModeEvent
+from companion.flight.state.team_part import reached_goals
 from companion.mission.list_layout import new_banks
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import OperatorGoal
@@ -240,3 +243,44 @@ def test_nobody_else_makes_or_replaces_the_state():
             for node in calls(path, "replace"):
                 named = {keyword.arg for keyword in node.keywords}
                 assert not (named & fields and ast.unparse(node.args[0]) in ("state", "listed")), path
+
+
+ASIDE = (5.0, 5.0, 100.0)
+
+
+def moving_aside():
+    """The state of an aircraft that was at both goals of its mission and then had to circle elsewhere."""
+    state = begun(TWO_GOALS)
+    state = replace(state, next_goal=2, mode=Mode.ACTIVE)
+    return after_goal_added(state, state.region_at(ASIDE))
+
+
+def test_a_goal_that_is_added_is_the_only_one_left_and_another_one_replaces_it():
+    state = moving_aside()
+    assert [goal.position_enu_m for goal in state.goals_left] == [ASIDE]
+    assert not state.has_arrived
+    there = (900.0, 5.0, 100.0)
+    state = after_goal_added(replace(state, next_goal=3), state.region_at(there))
+    assert [goal.position_enu_m for goal in state.goals_left] == [there]
+    assert state.own_goals == begun(TWO_GOALS).goals == state.goals[:2]
+
+
+def test_a_goal_that_was_added_is_forgotten_with_the_landing_and_with_other_goals():
+    state = moving_aside()
+    landed = after_mode_event(state, ModeEvent.LANDED)
+    assert (landed.goals, landed.num_added, landed.next_goal) == (begun(TWO_GOALS).goals, 0, 0)
+    same = after_reload(state, state.mission)
+    assert [goal.position_enu_m for goal in same.goals_left] == [ASIDE]
+    other = after_reload(state, begun(OPEN).mission)
+    assert (other.goals, other.num_added, other.next_goal) == (begun(OPEN).goals, 0, 0)
+
+
+def test_a_goal_that_was_added_is_none_of_the_teams():
+    """It stays while nothing is won, is not reported as flown, and gives way to a goal that is won."""
+    state = replace(moving_aside(), is_on_call=True)
+    kept = after_auction(state, (), is_over=False)
+    assert kept.goals == state.goals
+    at_place = replace(kept, next_goal=3)
+    assert reached_goals(at_place) == (0, 1)
+    won = after_auction(at_place, (1,), is_over=False)
+    assert (won.goals, won.num_added, won.next_goal) == ((*state.own_goals, state.rules.goals[1]), 0, 2)

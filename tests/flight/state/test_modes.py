@@ -32,6 +32,7 @@ ROWS = {
     (Mode.SUSPENDED, ModeEvent.RETURN_FLOWN): Mode.YIELDED,
     (Mode.SUSPENDED, ModeEvent.LANDED): Mode.STANDBY,
     (Mode.ARRIVED, ModeEvent.GLIDE_BEGUN): Mode.ACTIVE,
+    (Mode.ARRIVED, ModeEvent.OTHER_GOALS): Mode.ACTIVE,
     (Mode.ARRIVED, ModeEvent.LANDED): Mode.STANDBY,
 }
 BACK = (Mode.SUSPENDED, ModeEvent.MISSION_FLOWN)
@@ -46,8 +47,8 @@ def test_each_row_is_a_transition_and_what_has_none_changes_nothing(may_resume):
         assert next_mode(mode, event, may_resume=may_resume) is expected, (mode, event)
 
 
-def test_arrival_lasts_until_the_landing_or_a_glide():
-    others = set(ModeEvent) - {ModeEvent.LANDED, ModeEvent.GLIDE_BEGUN}
+def test_arrival_lasts_until_the_landing_a_glide_or_another_goal():
+    others = set(ModeEvent) - {ModeEvent.LANDED, ModeEvent.GLIDE_BEGUN, ModeEvent.OTHER_GOALS}
     assert {next_mode(Mode.ARRIVED, event, may_resume=True) for event in others} == {Mode.ARRIVED}
 
 

@@ -128,6 +128,50 @@ def test_what_is_announced_is_kept_clear_of_without_being_approved():
     assert [len(one.plans_to_clear()) for one in team.members.values()] == [0, 1, 1]
 
 
+WAITING = plan((500, 0, 100), (500, 0, 100), speed_m_s=1.0)  # A circle that EAST would meet.
+
+
+def test_a_request_reaches_whoever_is_in_its_way_and_is_never_committed():
+    team = Team()
+    team.members[2].announce(WAITING)
+    team.members[3].announce(plan((0, 2000, 100), (1, 2000, 100)))
+    team.pass_time(3)
+    assert team.members[1].request(EAST, team.now_s) == {2}
+    for _ in range(10):
+        team.pass_time(1)
+        assert team.members[1].outcome() is not Outcome.APPROVED
+    assert [len(one.requests(team.now_s)) for one in team.members.values()] == [0, 1, 0]
+    (requested,) = team.members[2].requests(team.now_s)
+    assert (requested.member, requested.is_request) == (1, True)
+    assert requested.place_at(BEGIN_S + 50.0) == pytest.approx((0.0, 0.0, 100.0), abs=25.0)
+    assert team.members[1].committed is None
+    assert [len(one.plans_to_clear()) for one in team.members.values()] == [2, 1, 1]
+    team.pass_time(25)
+    assert team.members[2].requests(team.now_s) == ()  # It was long ago.
+
+
+def test_a_request_ends_unanswered_and_even_the_lost_do_not_let_it_be_committed():
+    team = Team(lost_after_s=2.0)
+    team.members[2].announce(WAITING)
+    team.pass_time(1)
+    team.deaf = {1}
+    team.pass_time(4)
+    assert team.members[1].members_lost(team.now_s) == {2, 3}
+    team.members[1].request(EAST, team.now_s)
+    team.pass_time(8)
+    assert team.members[1].outcome() is Outcome.WITHDRAWN
+    assert team.members[1].committed is None
+
+
+def test_a_request_takes_the_place_of_no_proposal():
+    """A proposal of member 1 would go before that of member 2; a request does not."""
+    team = Team()
+    team.members[2].propose(NORTH, team.now_s)
+    team.members[1].request(EAST, team.now_s)
+    team.pass_time(6)
+    assert team.outcomes() == [Outcome.WITHDRAWN, Outcome.COMMITTED, Outcome.NONE]
+
+
 def test_two_that_are_too_near_to_each_other_may_part_but_come_no_nearer():
     """Two fly side by side, 50 m apart. One may turn away from the other, and not into its way."""
     team = Team(num=2)

@@ -34,16 +34,19 @@ def test_a_plan_of_ten_legs_fits_one_payload_with_its_circle():
     assert len(transmitted.rows) == 11
     (payload,) = plan_payloads(STANDING, transmitted, FRAME)
     assert len(payload) == 115 <= PAYLOAD_BYTES
+    read = read_plan(joined([payload]), 1, 1, FRAME, BEGIN_S)
+    assert (read.is_emergency, read.is_request) == (False, False)
 
 
 @pytest.mark.parametrize("frame", [FRAME, LocalFrame(47.41, 8.48, 300.0)])
 def test_a_long_plan_is_read_from_its_fragments(frame):
-    transmitted = transmitted_plan(plan(*zigzag(40), is_emergency=True, room=3), FRAME)
+    transmitted = transmitted_plan(plan(*zigzag(40), is_emergency=True, room=3, is_request=True), FRAME)
     payloads = plan_payloads(STANDING, transmitted, FRAME)
     assert len(payloads) == 3
     assert max(map(len, payloads)) <= PAYLOAD_BYTES
     read = read_plan(joined(payloads), 1, 1, frame, BEGIN_S + 1e6)
-    assert (read.is_emergency, read.room, read.radius_m) == (True, 3, transmitted.radius_m)
+    assert (read.is_emergency, read.is_request, read.room) == (True, True, 3)
+    assert read.radius_m == transmitted.radius_m
     for instant in np.linspace(transmitted.start_s, transmitted.end_s + 10.0, 50):
         here, there = transmitted.place_at(instant), read.place_at(instant)
         assert frame.global_from_local(*there) == pytest.approx(FRAME.global_from_local(*here), abs=1e-2)

@@ -1,0 +1,127 @@
+"""A circle out of another member's way: shapely looks whether it is clear of everything, and the nearest."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from companion.config import mission_from_text
+from companion.config.sections.team_section import TeamConfig
+from companion.flight.exchange.circle_aside import STEP_M, circle_aside, may_move_aside, wanted_plan
+from companion.flight.state.flight_state import GOAL_RADIUS_M, after_goal_added, first_state
+from companion.flight.state.modes import Mode
+from companion.flight.state.team_part import settings_of
+from companion.mission.team.agreement import Agreement
+from companion.types.events import Motion
+from tests.flight.construction.test_cycle import TWO_GOALS
+from tests.mission.team.team_plans import BEGIN_S, FRAME
+from tests.mission.team.team_plans import plan as plan_through
+from tests.support.paths import path_of
+
+TEAM = TeamConfig(members=(1, 2, 3))
+APART_M = TEAM.apart_m + 2.0 * TEAM.tolerance_m
+RADIUS_M = 80.0
+TOLERANCES_M = (TEAM.tolerance_m, TEAM.tolerance_up_m)
+LATER_S = BEGIN_S + 1.0
+HERE = (500.0, 0.0, 100.0)
+WALL = shapely.box(200.0, 150.0, 800.0, 200.0)
+WALLED = """
+obstacles:
+  - {name: wall, base_m: 0, top_m: 300, polygon_enu_m: [[200, 150], [800, 150], [800, 200], [200, 200]]}
+"""
+
+
+def circling(*others, text=TWO_GOALS):
+    """A member that circles at its last goal, and its agreement with two others."""
+    mission = mission_from_text(text, "aside.yaml").model_copy(update={"team": TEAM})
+    state = first_state(mission, 0.0)
+    state = replace(state, mode=Mode.ARRIVED, motion=Motion.MISSION, next_goal=len(state.goals))
+    members = {
+        member: Agreement(member, TEAM.members, FRAME, settings_of(TEAM), started_s=BEGIN_S)
+        for member in TEAM.members
+    }
+    members[1].announce(circle_at(HERE))
+    for other in others:
+        members[other.member].announce(other)
+        for payload in members[other.member].outgoing(LATER_S):
+            members[1].receive(other.member, payload, LATER_S)
+    return state, members[1]
+
+
+def circle_at(place, member=1):
+    return plan_through(
+        place, place, speed_m_s=1.0, member=member, radius_m=RADIUS_M, tolerances_m=TOLERANCES_M
+    )
+
+
+def through(*places):
+    """What member 2 would fly."""
+    return plan_through(*places, member=2, radius_m=RADIUS_M, tolerances_m=TOLERANCES_M)
+
+
+PASSES = through((-800.0, 0.0, 100.0), (1500.0, 0.0, 100.0))
+
+
+def room_at(place, requested, others=(), wall=None):
+    """How much more than needed a circle about a place keeps, by plane geometry [m]."""
+    point, wide_m = shapely.Point(place[:2]), RADIUS_M + GOAL_RADIUS_M
+    path = shapely.LineString(requested.rows[:, 1:3])
+    rooms = [point.distance(path) - wide_m - APART_M]
+    rooms.append(point.distance(shapely.Point(requested.rows[-1, 1:3])) - wide_m - APART_M - RADIUS_M)
+    rooms += [math.dist(place[:2], other[:2]) - wide_m - APART_M - RADIUS_M for other in others]
+    if wall is not None:
+        rooms.append(point.distance(wall) - wide_m)
+    return min(rooms)
+
+
+@pytest.mark.parametrize("walled", [False, True])
+def test_the_place_is_clear_of_the_request_of_others_and_of_walls_and_hardly_any_is_nearer(walled):
+    other = (500.0, -420.0, 100.0)
+    state, agreement = circling(circle_at(other, 3), text=TWO_GOALS + WALLED * walled)
+    wall = WALL if walled else None
+    place = circle_aside(state, agreement, [PASSES], LATER_S)
+    found = place.position_enu_m
+    assert found[2] == HERE[2]
+    assert room_at(found, PASSES, [other], wall) >= -1.0
+    nearest_m = math.dist(found, HERE)
+    assert nearest_m > APART_M + RADIUS_M
+    bearings = np.radians(np.arange(0.0, 360.0, 1.0))
+    for away_m in np.arange(5.0, nearest_m - 1.5 * STEP_M, 5.0):
+        for bearing in bearings:
+            nearer = (HERE[0] + away_m * math.sin(bearing), HERE[1] + away_m * math.cos(bearing), HERE[2])
+            assert room_at(nearer, PASSES, [other], wall) < 10.0, nearer
+
+
+def test_there_may_be_no_such_place():
+    """Circles are wanted every 400 m all around."""
+    state, agreement = circling()
+    steps = range(-2000, 2001, 400)
+    places = [(500.0 + east, float(north), 100.0) for east in steps for north in steps]
+    assert circle_aside(state, agreement, [through(place, place) for place in places], LATER_S) is None
+
+
+def test_only_an_aircraft_that_circles_at_its_last_goal_and_that_no_pilot_flies_moves():
+    state, agreement = circling()
+    assert may_move_aside(state, agreement, None, LATER_S)
+    assert not may_move_aside(state, agreement, None, BEGIN_S - 1.0)  # It is on its way there.
+    for other in (
+        replace(state, mode=Mode.SUSPENDED),
+        replace(state, mode=Mode.ACTIVE, next_goal=0),
+        replace(state, motion=Motion.STEERED),
+        replace(state, tail_enu_m=(0.0, 0.0, 0.0)),
+        replace(state, is_returning=True),
+        replace(after_goal_added(state, state.region_at(HERE)), mode=Mode.ACTIVE),
+    ):
+        assert not may_move_aside(other, agreement, None, LATER_S)
+    assert may_move_aside(replace(state, mode=Mode.ACTIVE, is_on_call=True), agreement, None, LATER_S)
+
+
+def test_what_is_wanted_is_the_path_from_now_on_and_a_circle_at_its_end():
+    state, _ = circling()
+    path = path_of(np.array([7.0, 57.0]), np.array([(0.0, 0.0, 100.0), (1000.0, 0.0, 100.0)]), np.zeros(2))
+    wanted = wanted_plan(state, path, BEGIN_S)
+    assert (wanted.start_s, wanted.end_s) == (BEGIN_S, BEGIN_S + 50.0)
+    assert wanted.radius_m == pytest.approx(state.turn_radius_m)
+    assert (wanted.tolerance_m, wanted.tolerance_up_m) == TOLERANCES_M
