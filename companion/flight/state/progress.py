@@ -59,6 +59,8 @@ def lead_s(state: FlightState, *, is_urgent: bool = False) -> float:
 def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
     """Return the start with the rest of the flown path reassessed in the present world.
 
+    Once the last goal is reached there is nothing to assess it for.
+
     Parameters
     ----------
     state : FlightState
@@ -68,7 +70,7 @@ def as_of_now(state: FlightState, start: Start, snapshot: Snapshot) -> Start:
     snapshot : Snapshot
         The present world.
     """
-    if start.rest is None:
+    if start.rest is None or not state.goals_left:
         return start
     rest, risk = reassessed(problem_at(state, start, snapshot), start.rest)
     return replace(start, rest=rest, risk=risk)

@@ -15,7 +15,7 @@ from companion.flight.replanning.plan_maker import Planner, plan_request
 from companion.flight.state.decision import Verdict, judge
 from companion.flight.state.flight_state import after_position, first_state
 from companion.flight.state.list_state import FlownPath
-from companion.flight.state.progress import Start, is_on_last_leg, lead_s, start_after, start_at
+from companion.flight.state.progress import Start, as_of_now, is_on_last_leg, lead_s, start_after, start_at
 from companion.mission.waypoints import merge_close_waypoints
 from companion.planning.plan_runner import StopRule
 from companion.planning.problem import GoalRegion
@@ -328,6 +328,14 @@ def test_equal_flights_plan_alike_and_the_next_plan_is_another():
     assert one.seed == other.seed == 100_004
     assert first.plan(request, lambda: False).seed == 100_005
     assert judge(begun(WALL), one, begin).verdict is Verdict.FIRST_PLAN
+
+
+def test_once_the_last_goal_is_reached_the_rest_of_the_path_is_assessed_for_nothing():
+    """Another member won the next goal before the aircraft had flown its path to the end."""
+    made, world = begun(), world_of(mission_from_text(OPEN, "open.yaml"))
+    begins = start_after(flying(made, straight()), state(100.0, stamp=4.0), 1.0)
+    assert as_of_now(made, begins, world).risk is not None
+    assert as_of_now(replace(made, next_goal=1), begins, world) is begins
 
 
 def test_an_urgent_plan_is_not_kept_waiting_for_a_shorter_one():
