@@ -17,7 +17,7 @@ from companion.flight.state.modes import Mode
 from companion.flight.state.team_part import settings_of
 from companion.frames import FloatArray
 from companion.mission.team.agreement import Agreement
-from companion.mission.team.separation import PackedPlans
+from companion.mission.team.separation import PackedPlans, margin_of
 from companion.mission.team.shared_plan import SharedPlan
 from companion.planning.problem import GoalRegion
 from companion.types.events import MissionCurrent, Motion
@@ -104,6 +104,35 @@ def wanted_plan(state: FlightState, path: Path, utc_s: float) -> SharedPlan:
     times = utc_s + path.times_s - path.times_s[0]
     rows = np.column_stack([times, path.positions_enu_m])
     return SharedPlan(0, 0, rows, float(state.turn_radius_m), config.tolerance_m, config.tolerance_up_m)
+
+
+def circles_of(agreement: Agreement, utc_s: float) -> tuple[SharedPlan, ...]:
+    """Return the plans of the members that circle at their ends, at a UTC time [s]."""
+    there, plans = agreement.members_as_announced(utc_s), agreement.plans_to_clear()
+    return tuple(plan for plan in plans if plan.member in there and plan.circles_at(utc_s))
+
+
+def members_barring(
+    state: FlightState, path: Path, circles: Sequence[SharedPlan], utc_s: float
+) -> frozenset[int]:
+    """Return the members whose circles are in the way of a path.
+
+    Parameters
+    ----------
+    state : FlightState
+        The state of a team's member.
+    path : Path
+        A path to the goal that is flown from now on.
+    circles : sequence of SharedPlan
+        The plans of members that circle.
+    utc_s : float
+        UTC time [s].
+    """
+    config = state.mission.team
+    if config is None or not circles:
+        return frozenset()
+    wanted, margin = wanted_plan(state, path, utc_s), margin_of(settings_of(config))
+    return frozenset(circle.member for circle in circles if margin(wanted, circle, utc_s) < 0.0)
 
 
 def _is_clear(state: FlightState, centre: FloatArray, radii_m: Sequence[float]) -> bool:

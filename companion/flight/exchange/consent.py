@@ -28,6 +28,9 @@ class Team(Consent, Protocol):
     def circling(self) -> frozenset[str]:
         """Return the identities of members that circle at the end of their plans."""
 
+    def barring(self, path: Path, /) -> frozenset[int]:
+        """Return the members whose circles bar a path to the goal that is flown from now on."""
+
     def request(self, path: Path, /) -> None:
         """Request that members move whose circles bar a path to the goal."""
 
@@ -59,6 +62,10 @@ class NobodyAsked:
         return False
 
     def circling(self) -> frozenset[str]:
+        """Return nobody."""
+        return frozenset()
+
+    def barring(self, _path: Path, /) -> frozenset[int]:
         """Return nobody."""
         return frozenset()
 

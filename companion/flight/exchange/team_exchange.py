@@ -13,7 +13,13 @@ from dataclasses import dataclass, replace
 from companion.clock import Clock
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait, proposed_plan
-from companion.flight.exchange.circle_aside import circle_aside, may_move_aside, wanted_plan
+from companion.flight.exchange.circle_aside import (
+    circle_aside,
+    circles_of,
+    may_move_aside,
+    members_barring,
+    wanted_plan,
+)
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind
@@ -220,25 +226,26 @@ class TeamExchange:
 
     def circling(self) -> frozenset[str]:
         """Return the identities of members that circle at the end of their plans."""
-        return frozenset(f"{IDENTITY}{member}" for member in self._circling())
-
-    def _circling(self) -> frozenset[int]:
         agreement, utc_s = self._agreement, self._utc_s()
         if agreement is None or utc_s is None:
             return frozenset()
-        there = {plan.member for plan in agreement.plans_to_clear() if plan.circles_at(utc_s)}
-        return agreement.members_as_announced(utc_s) & there
+        return frozenset(f"{IDENTITY}{plan.member}" for plan in circles_of(agreement, utc_s))
+
+    def barring(self, path: Path) -> frozenset[int]:
+        """Return the members whose circles bar a path to the goal that is flown from now on."""
+        agreement, utc_s = self._agreement, self._utc_s()
+        if agreement is None or utc_s is None:
+            return frozenset()
+        return members_barring(self._flight.state, path, circles_of(agreement, utc_s), utc_s)
 
     def request(self, path: Path) -> None:
         """Request that members move whose circles bar a path to the goal."""
-        agreement, utc_s, state = self._agreement, self._utc_s(), self._flight.state
-        if agreement is None or utc_s is None or state.mission.team is None:
+        agreement, utc_s, who = self._agreement, self._utc_s(), _listed(self.barring(path))
+        if agreement is None or utc_s is None or not who:
             return
-        barring = self._circling() & agreement.request(wanted_plan(state, path, utc_s), utc_s)
-        if barring:
-            who = _listed(barring)
-            text = f"system {who} bars the way to the goal, and is asked to move"
-            self._announcer.decide(DecisionKind.TEAM, text, tell="barred", about=who, member=who)
+        agreement.request(wanted_plan(self._flight.state, path, utc_s), utc_s)
+        text = f"system {who} bars the way to the goal, and is asked to move"
+        self._announcer.decide(DecisionKind.TEAM, text, tell="barred", about=who, member=who)
 
     @property
     def is_given(self) -> bool:

@@ -279,11 +279,10 @@ class Replanning:
 
     async def _request_passage(self, request: PlanRequest) -> None:
         """Request that others move, if nothing leads to the goal and only their circles bar the way there."""
-        state, now = self._flight.state, self._clock.now_s()
-        if math.isinf(self._led_to_goal_s) or (state.flies_to_goal and not ends_within(state, 0.0)):
+        circling, now = self.team.circling(), self._clock.now_s()
+        if math.isinf(self._led_to_goal_s) or not circling or self._leads_to_goal():
             self._led_to_goal_s = now
-        circling = self.team.circling()
-        if not circling or request.is_urgent or now - self._led_to_goal_s < BARRED_S:
+        if request.is_urgent or now - self._led_to_goal_s < BARRED_S:
             return
         self._led_to_goal_s = now
         snapshot = request.snapshot
@@ -294,6 +293,13 @@ class Replanning:
         )
         if path is not None and run.plan.reaches_goal and not self._is_outdated(request):
             self.team.request(path)
+
+    def _leads_to_goal(self) -> bool:
+        """Return whether the flown mission goes on towards the goal, and nobody circles in its way there."""
+        state, flown = self._flight.state, self._flight.state.flown
+        if flown is None or not state.flies_to_goal or ends_within(state, 0.0):
+            return False
+        return not self.team.barring(flown.path.since(flown.row))
 
     def _least_gain(self, *, is_urgent: bool) -> float:
         """Return the share by which a path has to cost less than the flown one if neither passes."""

@@ -224,17 +224,15 @@ class Agreement:
         self._begin_proposal(Proposal(transmitted, commit_before_s), now_s)
         return transmitted
 
-    def request(self, plan: SharedPlan, now_s: float) -> frozenset[int]:
+    def request(self, plan: SharedPlan, now_s: float) -> None:
         """Request that members whose circles are in the way of a plan fly a circle elsewhere.
 
         A request is told like a proposal from a UTC time [s] on, for ``REQUESTED_S`` or until all have
-        answered. Nobody approves it, and it is never committed. Returns the members in whose way it is.
+        answered. Nobody approves it, and it is never committed.
         """
         numbered = replace(plan, member=self.member, number=self._next, is_request=True)
         transmitted = transmitted_plan(numbered, self._frame, REQUEST_SIMPLIFY_M)
         self._begin_proposal(Proposal(transmitted, now_s + REQUESTED_S), now_s)
-        others = self.plans_to_clear()
-        return frozenset(other.member for other in others if self._margin(transmitted, other, now_s) < 0.0)
 
     def _begin_proposal(self, proposal: Proposal, now_s: float) -> None:
         """Tell a proposal, or a request, with the next number."""

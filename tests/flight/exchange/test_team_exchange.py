@@ -400,7 +400,7 @@ def test_a_member_at_its_last_goal_moves_for_one_that_has_to_pass_and_the_pilot_
     rows = np.array([[AHEAD_S + 3.0, -1500.0, 0.0, 100.0], [AHEAD_S + 103.0, 1000.0, 0.0, 100.0]])
     wanted = SharedPlan(2, 0, rows, 80.0, 50.0, 10.0)
     assert team.others[2].propose(wanted, AHEAD_S + 3.0) is None  # It cannot pass.
-    assert team.others[2].request(wanted, AHEAD_S + 3.0) == {1}
+    team.others[2].request(wanted, AHEAD_S + 3.0)
     team.talk(6.0)
     (place,) = owner.state.goals_left
     assert abs(place.position_enu_m[1]) > 80.0 + 200.0  # A circle of 80 m, and twice 50 m and 100 m.
@@ -418,6 +418,7 @@ def test_those_are_requested_to_move_that_circle_in_the_way():
     team.talk(3.0)
     assert team.exchange.circling() == {"system:2", "system:3"}
     path = path_of(np.array([0.0, 60.0]), np.array([(0.0, 0.0, 100.0), (1200.0, 0.0, 100.0)]), np.zeros(2))
+    assert team.exchange.barring(path) == {2}
     team.exchange.request(path)
     assert team.told == ["system 2 bars the way to the goal, and is asked to move"]
     team.talk(6.0)
