@@ -49,10 +49,8 @@ class PathNews:
         now_s : float
             The clock's reading [s].
         """
-        goal, was_safe = state.goals[-1], self._was_safe
-        leads_to_goal = math.dist(path.positions_enu_m[-1], goal.position_enu_m) <= goal.acceptance_radius_m
-        self.passes = not state.violations_of(path)
-        self._was_safe = is_safe = self.passes if leads_to_goal else None
+        was_safe, self.passes = self._was_safe, not state.violations_of(path)
+        self._was_safe = is_safe = self.passes if state.leads_to_goal(path) else None
         is_same = before is not None and is_safe is was_safe and not is_another_path(path, before.path, now_s)
         if is_safe is None or is_same:
             return "", "", ""

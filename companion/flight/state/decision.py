@@ -200,13 +200,11 @@ class _Case:
         it was chosen. A path assembled from the beginnings of several such paths need not be safe itself.
         """
         rest, risk, flown = self.start.rest, self.plan.flown_pursuit, self.state.flown
-        if rest is None or risk is None or flown is None or risk.total_s > 0.0 or not self.state.goals:
+        if rest is None or risk is None or flown is None or risk.total_s > 0.0:
             return False
-        goal = self.state.goals[-1]
-        away = math.dist(rest.positions_enu_m[-1], goal.position_enu_m)
         is_pursued = any(not track.flies_on for track in self.state.picture.tracks)
         is_as_promised = (self.plan.flown_cost or 0.0) <= flown.cost
-        return is_pursued and away <= goal.acceptance_radius_m and is_as_promised
+        return is_pursued and self.state.leads_to_goal(rest) and is_as_promised
 
     @cached_property
     def arrives_later(self) -> bool:

@@ -208,9 +208,13 @@ class FlightState:
     @property
     def flies_to_goal(self) -> bool:
         """Whether the flown path leads to the last goal, not to a safe loiter."""
-        if self.flown is None or not self.goals:
+        return self.flown is not None and self.leads_to_goal(self.flown.path)
+
+    def leads_to_goal(self, path: Path) -> bool:
+        """Return whether a path leads to the last goal; there may be none any more."""
+        if not self.goals:
             return False
-        away = np.linalg.norm(self.flown.path.positions_enu_m[-1] - self.goals[-1].position_enu_m)
+        away = np.linalg.norm(path.positions_enu_m[-1] - self.goals[-1].position_enu_m)
         return bool(away <= self.goals[-1].acceptance_radius_m + 1.0)
 
     def region_at(self, place_enu_m: tuple[float, float, float]) -> GoalRegion:
@@ -242,13 +246,7 @@ class FlightState:
 
 
 class StateOwner:
-    """Holds the state of a flight; no other object replaces it.
-
-    Parameters
-    ----------
-    state : FlightState
-        The initial state.
-    """
+    """Holds the state of a flight, from an initial one on; no other object replaces it."""
 
     def __init__(self, state: FlightState) -> None:
         self._state = state

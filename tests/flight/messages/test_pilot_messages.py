@@ -1,6 +1,7 @@
 """What a pilot reads of paths, worked by hand; and that no word is lost where two take turns."""
 
 import math
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from companion.flight.messages.announcer import REPEAT_S, Announcer
 from companion.flight.messages.pilot_messages import PathNews, is_another_path
 from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import FlightState
 from companion.types.path import Path
 
 SPEED_M_S = 20.0
@@ -33,7 +35,16 @@ def path_of(*legs, begins_s=100.0):
 def state_for(path, *, is_safe=True):
     """A flight to where a path ends."""
     goal = SimpleNamespace(position_enu_m=tuple(path.positions_enu_m[-1]), acceptance_radius_m=30.0)
-    return SimpleNamespace(goals=[goal], violations_of=lambda _: () if is_safe else ("threat",))
+    state = SimpleNamespace(goals=[goal], violations_of=lambda _: () if is_safe else ("threat",))
+    state.leads_to_goal = partial(FlightState.leads_to_goal, state)
+    return state
+
+
+def test_nothing_is_read_of_a_path_if_another_member_of_the_team_took_the_last_goal_meanwhile():
+    news, path = PathNews(), path_of((90.0, 2000.0))
+    state = state_for(path)
+    state.goals = []
+    assert news.of(state, path, None, 100.0) == ("", "", "")
 
 
 @pytest.mark.parametrize(
