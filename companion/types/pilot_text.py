@@ -74,6 +74,13 @@ OTHER_AIRCRAFT = {
         "The aircraft circles at its last goal, and another member cannot reach its own goal otherwise.",
         "Leave it to the planner, or take over: the other member then waits.",
     ),
+    "in the way": PilotText(
+        "team",
+        Severity.WARNING,
+        "In the way of system {member}: move if you can",
+        "The aircraft circles where another member has to pass, and the planner may not or cannot move it.",
+        "Fly elsewhere, or select the mission mode to leave it to the planner.",
+    ),
     "moved aside": PilotText(
         "arrived",
         Severity.NOTICE,

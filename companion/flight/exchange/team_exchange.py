@@ -95,6 +95,7 @@ class TeamExchange:
         self._announced = AnnouncedPlan()
         self._is_asking = False
         self._lost = frozenset[int]()
+        self._asked = frozenset[tuple[int, int]]()  # Member and number of the requests that are known.
         # When each member was sighted last [s], and where [m].
         self._sightings: dict[int, tuple[float, tuple[float, float, float]]] = {}
         self._near = PlansNear()
@@ -172,18 +173,26 @@ class TeamExchange:
         return True
 
     def _move_aside(self, agreement: Agreement, utc_s: float) -> bool:
-        """Fly to a circle elsewhere if another member has to pass the own one; return whether it is so."""
+        """Fly to a circle elsewhere if another member has to pass the own one; return whether it is so.
+
+        If the service may not move the aircraft, its pilot is told, once for each request.
+        """
         state, requests = self._flight.state, agreement.requests(utc_s)
-        if not requests or not may_move_aside(state, agreement, self._link.autopilot.current, utc_s):
+        asked = frozenset((plan.member, plan.number) for plan in requests)
+        is_new, self._asked = not asked <= self._asked, asked
+        if not requests or (state.may_act and state.goals_left):
             return False
-        place = circle_aside(state, agreement, requests, utc_s)
-        if place is None:
-            return False
-        self._flight.apply(after_goal_added, place)
-        members = _listed(plan.member for plan in requests)
-        text = f"moving out of the way of system {members}"
-        self._announcer.decide(DecisionKind.TEAM, text, tell="moves aside", about=members, member=members)
-        return True
+        who, place = _listed(plan.member for plan in requests), None
+        if may_move_aside(state, agreement, self._link.autopilot.current, utc_s):
+            place = circle_aside(state, agreement, requests, utc_s)
+        if place is not None:
+            self._flight.apply(after_goal_added, place)
+            text, tell = f"moving out of the way of system {who}", "moves aside"
+        else:
+            text, tell = f"in the way of system {who}, and does not move by itself", "in the way"
+        if place is not None or is_new:
+            self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
+        return place is not None
 
     def _announce(self, agreement: Agreement, utc_s: float, *, anew: bool = False) -> None:
         """Announce what is flown if that is nothing that the others know, or ``anew`` in any case."""

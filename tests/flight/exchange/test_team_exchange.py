@@ -410,6 +410,19 @@ def test_a_member_at_its_last_goal_moves_for_one_that_has_to_pass_and_the_pilot_
     assert len(team.told) == 1
 
 
+def test_a_pilot_who_circles_in_the_way_is_told_once_for_each_request():
+    team = Team().begin()
+    owner = circling_at_the_goal(team)
+    owner.apply(lambda state: replace(state, mode=Mode.SUSPENDED))
+    rows = np.array([[AHEAD_S + 3.0, -1500.0, 0.0, 100.0], [AHEAD_S + 103.0, 1000.0, 0.0, 100.0]])
+    for number in (1, 2):
+        team.talk(team.clock.now_s() + 3.0)
+        team.others[2].request(SharedPlan(2, 0, rows, 80.0, 50.0, 10.0), AHEAD_S + team.clock.now_s())
+        team.talk(team.clock.now_s() + 6.0)
+        assert team.told == ["in the way of system 2, and does not move by itself"] * number
+    assert owner.state.goals_left == ()
+
+
 def test_those_are_requested_to_move_that_circle_in_the_way():
     team = Team().begin()
     for member, north_m in ((2, 0.0), (3, 900.0)):
