@@ -207,7 +207,7 @@ class Agreement:
         Raises
         ------
         ValueError
-            If the plan has not begun, is too long, or lies beyond what the format holds.
+            If the plan has not begun, or lies beyond what the format holds.
         """
         if plan.start_s > now_s:
             raise ValueError("plan: expected one that has begun")
@@ -269,7 +269,7 @@ class Agreement:
         Raises
         ------
         ValueError
-            If the plan is too long, or lies beyond what the format holds.
+            If the plan lies beyond what the format holds.
         """
         numbered = replace(plan, member=self.member, number=self._next)
         transmitted = transmitted_plan(numbered, self._frame, self._settings.simplify_m)

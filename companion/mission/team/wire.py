@@ -45,6 +45,10 @@ BID_HEAD = struct.Struct("<IiiBBH")  # time, latitude, longitude, airspeed, goal
 
 FRAGMENT_BYTES = PAYLOAD_BYTES - HEADER.size - FRAGMENT.size
 FRAGMENTS_MAX = 15
+ROWS_MAX = 1 + (FRAGMENTS_MAX * FRAGMENT_BYTES - PLAN_HEAD.size) // ROW.size  # 220; their number is a byte.
+COARSER_M = (
+    1.0  # Of a plan with more rows those are left out that move it by this, or twice as much, and so on.
+)
 TICK_S = 0.1
 ON_TICK = 1e-4  # Times this near to a tick, in ticks, are on it: they were rounded before.
 TICKS = 1 << 32  # Start times begin again after thirteen years.
@@ -245,6 +249,7 @@ def transmitted_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.
     """Return a plan exactly as the others will read it.
 
     Rows that matter little are left out, the rest is rounded, and the tolerance grows by what that moves it.
+    More rows are left out of a plan that would have too many.
 
     Parameters
     ----------
@@ -258,9 +263,12 @@ def transmitted_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.
     Raises
     ------
     ValueError
-        If the plan is too long, or lies beyond what the format holds.
+        If the plan lies beyond what the format holds.
     """
-    short = replace(plan, rows=simplified(plan.rows, simplify_m, 1 if plan.discs_m[0] > 0.0 else 0))
+    first = 1 if plan.discs_m[0] > 0.0 else 0
+    while len(rows := simplified(plan.rows, simplify_m, first)) > ROWS_MAX:
+        simplify_m = max(2.0 * simplify_m, COARSER_M)
+    short = replace(plan, rows=rows)
     rounded = read_plan(_plan_body(short, frame), plan.member, plan.number, frame, plan.start_s)
     level, up = largest_distance(plan, rounded)
     widened = replace(
@@ -449,8 +457,8 @@ def _plan_body(plan: SharedPlan, frame: LocalFrame) -> bytes:
     sizes = [math.ceil(length / TENTH_M - 1e-6) for length in lengths]
     if altitudes.min() < 0.0 or altitudes.max() > 65_535.0 or max(sizes) > 65_535 or max(coarse, slow) > 15:
         raise ValueError("plan: expected heights, lengths and times that the format holds")
-    if PLAN_HEAD.size + (len(rows) - 1) * ROW.size > FRAGMENTS_MAX * FRAGMENT_BYTES or len(rows) > 255:
-        raise ValueError(f"plan: {len(rows)} rows: expected fewer")
+    if len(rows) > ROWS_MAX:
+        raise ValueError(f"plan: {len(rows)} rows: expected at most {ROWS_MAX}")
     head = PLAN_HEAD.pack(
         IS_EMERGENCY * plan.is_emergency | IS_REQUEST * plan.is_request, min(max(plan.room, 0), 255),
         start % TICKS, latitude_e7, longitude_e7, slow << 4 | coarse, *sizes, len(rows),

@@ -9,6 +9,7 @@ from companion.frames import LocalFrame
 from companion.mission.team.shared_plan import SharedPlan
 from companion.mission.team.wire import (
     PAYLOAD_BYTES,
+    ROWS_MAX,
     Fragment,
     PayloadError,
     Report,
@@ -179,4 +180,18 @@ def test_a_plan_beyond_the_format_is_refused():
     with pytest.raises(ValueError, match="format"):
         transmitted_plan(plan((0, 0, 0), (1000, 0, 20_000)), FRAME)
     with pytest.raises(ValueError, match="rows"):
-        transmitted_plan(plan(*zigzag(250)), FRAME)
+        plan_payloads(STANDING, plan(*zigzag(250)), FRAME)
+
+
+def test_a_plan_with_too_many_rows_is_told_more_coarsely_and_whoever_flies_it_still_keeps_it():
+    """It winds 6 m to either side every 100 m, for 60 km."""
+    places = [(100.0 * n, 6.0 * (-1) ** n, 100.0) for n in range(600)]
+    flown = plan(*places)
+    transmitted = transmitted_plan(flown, FRAME, 2.0)
+    assert 2 <= len(transmitted.rows) <= ROWS_MAX
+    assert len(plan_payloads(STANDING, transmitted, FRAME)) <= 15
+    assert flown.tolerance_m + 6.0 <= transmitted.tolerance_m <= flown.tolerance_m + 20.0
+    for instant in np.linspace(flown.start_s, flown.end_s, 700):
+        east, north, up = flown.place_at(instant)
+        for side in (-flown.tolerance_m, flown.tolerance_m):
+            assert transmitted.is_flown_at((east, north + side, up), instant)
