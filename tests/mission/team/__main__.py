@@ -1,4 +1,4 @@
-"""``python -m tests.mission.team``: teams of which one is gone, over maps; what others cost the service."""
+"""``python -m tests.mission.team``: teams of which one is gone, over maps, disturbed; the cost of others."""
 
 import argparse
 import dataclasses
@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 from companion.types.events import Dialect
-from tests.mission.team import hearing_cost, map_flights, planning_cost
+from tests.mission.team import disturbed_flights, hearing_cost, map_flights, planning_cost
 from tests.mission.team.shared_goal_flights import flown
 
 
@@ -40,10 +40,16 @@ def map_words(outcomes):
     )
 
 
+def disturbed_words(outcomes):
+    """What became of flights that something happened to."""
+    kept = sum(each.is_kept for each in outcomes)
+    return f"{len(outcomes)} flights: {kept} without an error, a hit or two too near that nothing happened to"
+
+
 def main():
     """Fly them, and end with 1 if one goes wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="?", default="gone", choices=("gone", "maps", "cost"))
+    parser.add_argument("what", nargs="?", default="gone", choices=("gone", "maps", "disturbed", "cost"))
     parser.add_argument("-n", type=int, default=50, help="flights")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1, help="flights at once")
@@ -59,6 +65,8 @@ def main():
     fly, words = (partial(flown, dialect=dialect), gone_words)
     if chosen.what == "maps":
         fly, words = map_flights.flown, map_words
+    elif chosen.what == "disturbed":
+        fly, words = disturbed_flights.flown, disturbed_words
     outcomes = []
     with ProcessPoolExecutor(chosen.jobs, initializer=logging.disable, initargs=(logging.CRITICAL,)) as pool:
         for outcome in pool.map(fly, seeds):

@@ -34,12 +34,12 @@ simulation: {{radio_loss: 0.2}}
 """
 
 
-def mission_of(seed, num_goals=NUM_GOALS, side_m=SIDE_M):
+def mission_of(seed, num_goals=NUM_GOALS, side_m=SIDE_M, apart_m=APART_M):
     """A mission with goals at random places in a square."""
     rng, places = np.random.default_rng(seed), []
     while len(places) < num_goals:
         place = rng.uniform(0.0, side_m, 2)
-        if all(math.dist(place, other) > APART_M for other in places):
+        if all(math.dist(place, other) > apart_m for other in places):
             places.append(place)
     goals = "\n".join(
         f"  - {{east_m: {east:.0f}, north_m: {north:.0f}, up_m: 100}}" for east, north in places
