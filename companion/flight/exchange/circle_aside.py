@@ -81,7 +81,7 @@ def circle_aside(
         circle = SharedPlan(
             0, 0, np.array([[utc_s, *centre]]), wide_m, flown.tolerance_m, flown.tolerance_up_m
         )
-        if _is_clear(state, centre, (flown.radius_m, wide_m)) and plans.first_conflict(circle, utc_s) is None:
+        if plans.first_conflict(circle, utc_s) is None and _is_clear(state, centre, (flown.radius_m, wide_m)):
             east, north, up = (float(value) for value in centre)
             return state.region_at((east, north, up))
     return None

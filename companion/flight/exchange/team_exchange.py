@@ -175,23 +175,22 @@ class TeamExchange:
     def _move_aside(self, agreement: Agreement, utc_s: float) -> bool:
         """Fly to a circle elsewhere if another member has to pass the own one; return whether it is so.
 
-        If the service may not move the aircraft, its pilot is told, once for each request.
+        Each request is answered once. If the aircraft cannot be moved, its pilot is told.
         """
         state, requests = self._flight.state, agreement.requests(utc_s)
         asked = frozenset((plan.member, plan.number) for plan in requests)
-        is_new, self._asked = not asked <= self._asked, asked
-        if not requests or (state.may_act and state.goals_left):
+        if asked <= self._asked or (state.may_act and state.goals_left):
             return False
+        self._asked = asked
         who, place = _listed(plan.member for plan in requests), None
         if may_move_aside(state, agreement, self._link.autopilot.current, utc_s):
             place = circle_aside(state, agreement, requests, utc_s)
-        if place is not None:
+        if place is None:
+            text, tell = f"in the way of system {who}, and does not move by itself", "in the way"
+        else:
             self._flight.apply(after_goal_added, place)
             text, tell = f"moving out of the way of system {who}", "moves aside"
-        else:
-            text, tell = f"in the way of system {who}, and does not move by itself", "in the way"
-        if place is not None or is_new:
-            self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
+        self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
         return place is not None
 
     def _announce(self, agreement: Agreement, utc_s: float, *, anew: bool = False) -> None:

@@ -429,8 +429,8 @@ class Agreement:
         """Approve a proposal, or refuse it.
 
         It is refused if it conflicts with the committed plan, unless what it replaces already comes as near.
-        A request is always refused.
-        Of two proposals that conflict, the one that comes later in the order is withdrawn.
+        Of two proposals that conflict, the one that comes later in the order is withdrawn. A request is
+        always refused, and competes with none.
         """
         own, committed = self._proposal, self._committed
         if plan.is_request:
