@@ -1,7 +1,8 @@
 """Flights of two real autopilots from both sides through a gap: ``python -m tests.real.team_flights``.
 
 ARDUPLANE, PARM and PX4 name binaries of your own. ``--how`` says what they share: their plans, their goals
-as well, or nothing.
+as well, or nothing. ``barred`` shares plans, and the first one's goal lies in the gap that the other has to
+pass; that is for ArduPlane, because a PX4 arms only with a landing, to which it would go on.
 """
 
 import argparse
@@ -24,10 +25,10 @@ SHARED_LIMIT_S = 900.0  # One of them may have to fly all goals.
 APART_M, APART_UP_M = 40.0, 20.0
 REACHED_M = 75.0  # A goal is reached within 60 m; positions are reported each 0.1 s.
 BEGIN_M = 15.0  # So high above home a member has taken off.
-TEAMS = {"plans": {}, "goals": {"share_goals": True}, "nothing": None}
+TEAMS = {"plans": {}, "goals": {"share_goals": True}, "barred": {}, "nothing": None}
 
 
-def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1):
+def flown_team(kind, binaries, folder, instance, *, team=None, is_barred=False, loss=0.2, seed=1):
     """Fly two aircraft to their goals; the row of the flight.
 
     Parameters
@@ -42,6 +43,8 @@ def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1)
         Number that the ports of the first aircraft follow from.
     team : dict or None
         The section ``team`` of the mission files without the members; None for aircraft that are no team.
+    is_barred : bool
+        Whether the first one's goal bars the way of the other.
     loss : float
         Share of the radio's frames that is lost.
     seed : int
@@ -50,7 +53,9 @@ def flown_team(kind, binaries, folder, instance, *, team=None, loss=0.2, seed=1)
     ids = [instance + number + 1 for number in range(2)]
     team = {} if team is None else {"members": ids, **team}
     members = [
-        Member(kind, binaries, folder / f"{ids[number]}", number, instance + number, team)
+        Member(
+            kind, binaries, folder / f"{ids[number]}", number, instance + number, team, is_barred=is_barred
+        )
         for number in range(2)
     ]
     ports = {member.system_id: member.autopilot.radio_port for member in members}
@@ -139,7 +144,7 @@ def main():
         folder = given.out.resolve() / f"{given.kind}-{given.how}-{seed}"
         row = flown_team(
             KINDS[given.kind], Binaries.named(os.environ), folder, given.instance,
-            team=TEAMS[given.how], seed=seed,
+            team=TEAMS[given.how], is_barred=given.how == "barred", seed=seed,
         )  # fmt: skip
         num_bad += not is_good(row)
         sys.stdout.write(f"{ {name: value for name, value in row.items() if name != 'paths'} }\n")

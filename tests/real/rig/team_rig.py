@@ -25,6 +25,9 @@ PLACES = (
 SHARED_GOALS = (
     (4800.0, 4250.0, 150.0), (3900.0, 500.0, 150.0), (3850.0, 2700.0, 150.0), (2800.0, 1650.0, 150.0)
 )  # fmt: skip
+# The first one's goal lies in the only gap that is left, the other's behind it.
+BARRED_GOALS = ((3800.0, 2150.0, 150.0), (3900.0, 500.0, 150.0))
+OTHER_GAP = [[1500.0, 2100.0], [1900.0, 2100.0], [1900.0, 2200.0], [1500.0, 2200.0]]
 ACCEPTED_M = 60.0
 LATE_S = (0.1, 0.5)
 
@@ -40,11 +43,19 @@ class MemberCourse(Course):
         Size of the map.
     changes : dict
         Sections of the mission file with keys to set.
+    is_barred : bool
+        Whether the first one bars the way of the other, and circles there, because nobody lands.
     """
 
-    def __init__(self, number, factor, changes):
+    def __init__(self, number, factor, changes, *, is_barred=False):
         self._home, self._takeoff, self._circle, goal = PLACES[number]
+        self._lands = not is_barred
         super().__init__(factor, "near", changes)
+        if is_barred:
+            goal = BARRED_GOALS[number]
+            wall = {"name": "plug", "base_m": 0.0, "top_m": 1000.0 * factor}
+            corners = [[factor * east, factor * north] for east, north in OTHER_GAP]
+            self.document["obstacles"].append({**wall, "polygon_enu_m": corners})
         shares_goals = changes.get("team", {}).get("share_goals", False)
         self.goals = [self.local(place) for place in (SHARED_GOALS if shares_goals else (goal,))]
         self.document["goals"] = [
@@ -62,9 +73,14 @@ class MemberCourse(Course):
         """The operator's mission: take off, circle, and land at home. Without a landing no PX4 arms."""
         circle = (0.0, 0.0, self.factor * HOLD_RADIUS_M, 0.0)
         down = (0.0, self.factor * DESCENT_RADIUS_M, 0.0, 1.0)
-        return [
+        up = [
             Item(mavlink.MAV_CMD_NAV_TAKEOFF, (12.0, 0.0, 0.0, 0.0), self._takeoff),
             Item(mavlink.MAV_CMD_NAV_LOITER_UNLIM, circle, self._circle),
+        ]
+        if not self._lands:
+            return up
+        return [
+            *up,
             Item(mavlink.MAV_CMD_DO_LAND_START),
             Item(mavlink.MAV_CMD_NAV_LOITER_TO_ALT, down, (*self._circle[:2], 60.0)),
             Item(mavlink.MAV_CMD_NAV_LAND, place=self._home),
@@ -145,9 +161,11 @@ class Member:
         Number that ports follow from.
     team : dict
         The section ``team`` of the mission file; empty without one.
+    is_barred : bool
+        As for :class:`MemberCourse`.
     """
 
-    def __init__(self, kind, binaries, folder, number, instance, team):
+    def __init__(self, kind, binaries, folder, number, instance, team, *, is_barred=False):
         folder.mkdir(parents=True)
         self.system_id = instance + 1
         changes = {
@@ -155,7 +173,7 @@ class Member:
             "link": {"vehicle_system_id": self.system_id}, **({"team": team} if team else {}),
             "dimension": 2, "start": {"up_m": 150.0 * kind.factor}, "dynamic_threats": [],
         }  # fmt: skip
-        self.course = MemberCourse(number, kind.factor, changes)
+        self.course = MemberCourse(number, kind.factor, changes, is_barred=is_barred)
         (folder / "mission.yaml").write_text(self.course.text, encoding="utf-8")
         self._tlogs = Tlog(folder / "operator.tlog"), Tlog(folder / "service.tlog")
         self.autopilot = Autopilot(
