@@ -282,7 +282,8 @@ class Replanning:
         circling, now = self.team.circling(), self._clock.now_s()
         if math.isinf(self._led_to_goal_s) or not circling or self._leads_to_goal():
             self._led_to_goal_s = now
-        if request.is_urgent or now - self._led_to_goal_s < BARRED_S:
+        is_early = now - self._led_to_goal_s < BARRED_S
+        if is_early or request.is_urgent or not self._flight.state.goals_left:
             return
         self._led_to_goal_s = now
         snapshot = request.snapshot

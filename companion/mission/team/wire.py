@@ -46,9 +46,7 @@ BID_HEAD = struct.Struct("<IiiBBH")  # time, latitude, longitude, airspeed, goal
 FRAGMENT_BYTES = PAYLOAD_BYTES - HEADER.size - FRAGMENT.size
 FRAGMENTS_MAX = 15
 ROWS_MAX = 1 + (FRAGMENTS_MAX * FRAGMENT_BYTES - PLAN_HEAD.size) // ROW.size  # 220; their number is a byte.
-COARSER_M = (
-    1.0  # Of a plan with more rows those are left out that move it by this, or twice as much, and so on.
-)
+COARSER_M = 1.0  # Rows of a longer plan that move it by this are left out, or by twice as much, and so on.
 TICK_S = 0.1
 ON_TICK = 1e-4  # Times this near to a tick, in ticks, are on it: they were rounded before.
 TICKS = 1 << 32  # Start times begin again after thirteen years.
