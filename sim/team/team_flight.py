@@ -85,7 +85,7 @@ class TeamFlight:
     hit_s: dict[int, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        missions = team_missions(self.mission, self.num)
+        missions = self.missions()
         self._team = missions[0].team or TeamConfig(members=(1, 2))
         self.flights = [
             Flight(
@@ -100,6 +100,10 @@ class TeamFlight:
             [flight.simulator for flight in self.flights], range_m=weather.radio_range_m,
             loss=weather.radio_loss if self.shares else 1.0, delay_s=weather.radio_delay_s, seed=self.seed,
         )  # fmt: skip
+
+    def missions(self) -> list[MissionConfig]:
+        """Return the missions of all members."""
+        return team_missions(self.mission, self.num)
 
     def _folder_of(self, number: int) -> Path | None:
         return None if self.folder is None else self.folder / f"{number}"

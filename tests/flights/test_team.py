@@ -14,8 +14,6 @@ from companion.flight.exchange.announced_plan import WAITS_S
 from companion.flight.replanning import replanning
 from companion.mission.list_layout import TEAM_BANK_ITEMS
 from companion.types.events import Dialect
-from sim.sitl import Flight
-from sim.team.simulated_radio import Radio
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG, ahead
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
@@ -93,22 +91,20 @@ def test_of_two_that_come_to_a_narrow_gap_from_both_sides_one_lets_the_other_pas
 class Corridor(TeamFlight):
     """Member 1 flies to the middle of a corridor, and member 2 through it: a circle there leaves no room."""
 
-    def __post_init__(self):
-        super().__post_init__()
+    def missions(self):
+        """Both fly east along the corridor's middle."""
         ends = ((1200.0, 2100.0), (0.0, 3500.0))
-        for number, (begin, end) in enumerate(ends, 1):
-            mission = self.flights[number - 1].mission
-            goal = mission.goals[0].model_copy(update={"east_m": end, "north_m": 0.0})
-            start = mission.start.model_copy(update={"east_m": begin, "north_m": 0.0, "course_deg": 90.0})
-            changed = {"start": start, "goals": (goal,)}
-            self.flights[number - 1] = Flight(
-                mission.model_copy(update=changed), number, None, self.dialect, math.inf, system_id=number
+        return [
+            mission.model_copy(
+                update={
+                    "start": mission.start.model_copy(
+                        update={"east_m": begin, "north_m": 0.0, "course_deg": 90.0}
+                    ),
+                    "goals": (mission.goals[0].model_copy(update={"east_m": end, "north_m": 0.0}),),
+                }
             )
-        weather = self.mission.simulation
-        self.radio = Radio(
-            [flight.simulator for flight in self.flights], range_m=weather.radio_range_m,
-            loss=weather.radio_loss, delay_s=weather.radio_delay_s, seed=1,
-        )  # fmt: skip
+            for mission, (begin, end) in zip(super().missions(), ends, strict=True)
+        ]
 
 
 CORRIDOR = LONG.replace(

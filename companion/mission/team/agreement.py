@@ -211,8 +211,7 @@ class Agreement:
         """
         if plan.start_s > now_s:
             raise ValueError("plan: expected one that has begun")
-        numbered = replace(plan, member=self.member, number=self._next)
-        transmitted = transmitted_plan(numbered, self._frame, self._settings.simplify_m)
+        transmitted = self._as_told(plan, self._settings.simplify_m)
         against = {
             other.member
             for other in self.plans_to_clear()
@@ -230,9 +229,13 @@ class Agreement:
         A request is told like a proposal from a UTC time [s] on, for ``REQUESTED_S`` or until all have
         answered. Nobody approves it, and it is never committed.
         """
-        numbered = replace(plan, member=self.member, number=self._next, is_request=True)
-        transmitted = transmitted_plan(numbered, self._frame, REQUEST_SIMPLIFY_M)
+        transmitted = self._as_told(replace(plan, is_request=True), REQUEST_SIMPLIFY_M)
         self._begin_proposal(Proposal(transmitted, now_s + REQUESTED_S), now_s)
+
+    def _as_told(self, plan: SharedPlan, simplify_m: float) -> SharedPlan:
+        """Return a plan of this member with the next number, as the others will read it."""
+        numbered = replace(plan, member=self.member, number=self._next)
+        return transmitted_plan(numbered, self._frame, simplify_m)
 
     def _begin_proposal(self, proposal: Proposal, now_s: float) -> None:
         """Tell a proposal, or a request, with the next number."""
@@ -271,8 +274,7 @@ class Agreement:
         ValueError
             If the plan lies beyond what the format holds.
         """
-        numbered = replace(plan, member=self.member, number=self._next)
-        transmitted = transmitted_plan(numbered, self._frame, self._settings.simplify_m)
+        transmitted = self._as_told(plan, self._settings.simplify_m)
         self._next = next_number(self._next)
         if self._proposal is not None:
             self._end_proposal(Outcome.WITHDRAWN)
@@ -436,8 +438,9 @@ class Agreement:
         if plan.is_request:
             self._requests[sender] = plan, now_s
         replaced = self._peers[sender].committed
-        is_clear = committed is None or not is_too_near(self._margin, plan, replaced, committed, now_s)
-        is_approved = is_clear and not plan.is_request
+        is_approved = not plan.is_request and (
+            committed is None or not is_too_near(self._margin, plan, replaced, committed, now_s)
+        )
         own = None if own is None or own.plan.is_request else own
         if is_approved and own is not None and self._margin(own.plan, plan, now_s) < 0.0:
             is_approved = plan.rank < own.plan.rank
