@@ -71,7 +71,7 @@ OTHER_AIRCRAFT = {
         "team",
         Severity.NOTICE,
         "Moving aside: system {member} has to pass",
-        "The aircraft circles at its last goal, and another member cannot reach its own goal otherwise.",
+        "The aircraft circles where another member has to pass. It flies its own goals afterwards.",
         "Leave it to the planner, or take over: the other member then waits.",
     ),
     "in the way": PilotText(

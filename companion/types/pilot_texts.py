@@ -58,14 +58,14 @@ TEXTS = {
     ),
     "path": PilotText(
         "swap", Severity.NOTICE,
-        "New path, safe. {turn}, goal in {time}",
-        "The autopilot flies another path, and the difference can be seen on a map. Safe means that it "
-        "keeps all limits of the mission file.",
+        "New path, safe. {turn}, {arrival}",
+        "The autopilot flies another path, and the difference can be seen on a map. Safe: it keeps all "
+        "limits of the mission file. The arrival is that at the last goal, or in a circle elsewhere.",
         NOTHING,
     ),
     "unsafe path": PilotText(
         "swap", Severity.WARNING,
-        "New path, NOT safe. {turn}, goal in {time}",
+        "New path, NOT safe. {turn}, {arrival}",
         "No path keeps all limits. This one keeps clear of obstacles and fences, but not of threats.",
         "Decide whether to go on. Another flight mode takes over at any time.",
     ),

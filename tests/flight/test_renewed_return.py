@@ -8,7 +8,8 @@ from shapely.geometry import LineString, Point
 
 from companion.config import mission_from_text
 from companion.flight.state.checkpoint import Checkpoint
-from companion.flight.state.flight_state import after_mode_event, after_reload, after_return_begun
+from companion.flight.state.flight_state import after_mode_event, after_reload
+from companion.flight.state.goals_state import after_return_begun
 from companion.flight.state.modes import Mode, ModeEvent
 from tests.flight.construction.test_cycle import begun
 from tests.flight.test_app import at, both, switch
@@ -99,7 +100,7 @@ def test_after_the_landing_the_goals_are_those_of_the_mission_again():
 
 
 def test_a_mission_file_that_is_read_again_does_not_end_a_renewed_return():
-    state = replace(begun(), is_returning=True)
+    state = begun()
     place = state.region_at((5.0, 5.0, 100.0))
-    state = replace(state, goals=(*state.goals, place), next_goal=len(state.goals))
+    state = after_return_begun(state, place, None, is_landing=False)
     assert after_reload(state, state.mission).goals_left[0].position_enu_m == place.position_enu_m

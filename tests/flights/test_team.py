@@ -91,19 +91,24 @@ def test_of_two_that_come_to_a_narrow_gap_from_both_sides_one_lets_the_other_pas
 class Corridor(TeamFlight):
     """Member 1 flies to the middle of a corridor, and member 2 through it: a circle there leaves no room."""
 
+    ends = ((1200.0, 2100.0), (0.0, 3500.0))  # Where each begins, and its goal, east [m].
+
     def missions(self):
-        """Both fly east along the corridor's middle."""
-        ends = ((1200.0, 2100.0), (0.0, 3500.0))
+        """Both fly along the corridor's middle."""
         return [
             mission.model_copy(
                 update={
                     "start": mission.start.model_copy(
-                        update={"east_m": begin, "north_m": 0.0, "course_deg": 90.0}
+                        update={
+                            "east_m": begin,
+                            "north_m": 0.0,
+                            "course_deg": math.copysign(90.0, end - begin),
+                        }
                     ),
                     "goals": (mission.goals[0].model_copy(update={"east_m": end, "north_m": 0.0}),),
                 }
             )
-            for mission, (begin, end) in zip(super().missions(), ends, strict=True)
+            for mission, (begin, end) in zip(super().missions(), self.ends, strict=True)
         ]
 
 
@@ -132,6 +137,31 @@ def test_a_member_that_has_arrived_moves_for_one_whose_goal_lies_behind_its_circ
     told = [decision.told for decision in team.flights[0].recorder.decisions]
     assert ("Moving aside: system 2 has to pass" in told) is moves
     assert ("Out of the way, planner is done" in told) is moves
+
+
+class HeadOn(Corridor):
+    """Both begin in a long corridor, and each circle leaves the other no room to its goal."""
+
+    ends = ((1000.0, 4000.0), (2400.0, -700.0))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("dialect", "moves"), [(Dialect.ARDUPILOT, True), (Dialect.PX4, True), (Dialect.ARDUPILOT, False)]
+)
+def test_of_two_that_bar_each_other_one_moves_and_flies_its_goal_afterwards(dialect, moves, monkeypatch):
+    """Beside it the same flight in which nobody is requested to move: neither arrives."""
+    if not moves:
+        monkeypatch.setattr(replanning, "BARRED_S", math.inf)
+    mission = mission_from_text(CORRIDOR.replace("[1500, ", "[300, ").replace("[2900, ", "[3100, "), "c.yaml")
+    weather = mission.simulation.model_copy(update={"radio_loss": 0.2})
+    team = HeadOn(mission.model_copy(update={"simulation": weather}), 2, 2, dialect)
+    fly_team(team)
+    assert sorted(team.arrived_s) == ([1, 2] if moves else [])
+    assert team.is_separate
+    assert team.hit_s == {}
+    told = [decision.told for flight in team.flights for decision in flight.recorder.decisions]
+    assert any(text.startswith("Moving aside") for text in told) is moves
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def test_a_text_without_values_fits_one_message():
 
 
 def test_the_usual_text_of_a_path_fits_one_message():
-    text = pilot_message("path", turn="Right turn in 300 m", time="12:05").text
+    text = pilot_message("path", turn="Right turn in 300 m", arrival="goal in 12:05").text
     assert text == "New path, safe. Right turn in 300 m, goal in 12:05"
     assert len(text) <= STATUSTEXT
 

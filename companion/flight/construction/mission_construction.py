@@ -415,7 +415,7 @@ def _airspeed_again(state: FlightState, part: Path, waypoints: Waypoints) -> int
 
 def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
     """Return whether ``last_enu_m`` (3,) [m] is the goal and the leg on to the operator's items is clear."""
-    if state.tail_enu_m is None or not state.goals:
+    if state.tail_enu_m is None or not state.continues_behind or not state.goals:
         return False
     goal = state.goals[-1]
     if (

@@ -21,7 +21,8 @@ import numpy as np
 from companion.flight.construction.loiter_circles import landing_circle
 from companion.flight.construction.mission_construction import construct
 from companion.flight.construction.mission_simulation import STEP_S, at_start, guidance_of
-from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState, bound_for
+from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState
+from companion.flight.state.goals_state import bound_for
 from companion.flight.state.progress import start_at
 from companion.frames import FloatArray
 from companion.mission.waypoints import Waypoints, waypoints_from_path

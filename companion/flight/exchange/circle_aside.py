@@ -1,17 +1,23 @@
-"""A circle out of another member's way, for an aircraft that has nothing left to fly.
+"""A circle out of another member's way, for an aircraft whose mission leads nowhere from its circle.
 
-An aircraft at its last goal circles there for ever. Another member whose goal lies behind such circles could
-then never pass. It requests the path that it would fly, and whoever circles in its way goes elsewhere.
+An aircraft at its last goal circles there for ever, and so does one whose way on is barred. Another member
+whose goal lies behind such circles could then never pass. It requests the path that it would fly, and whoever
+circles in its way goes elsewhere. Of two that bar each other, the one that is asked first goes. If it cannot,
+it stays, requests its own path, and the other one goes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState
+from companion.flight.messages.announcer import Announcer
+from companion.flight.messages.vehicle_link import VehicleLink
+from companion.flight.state.decision import DecisionKind
+from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState, StateOwner, after_goal_dropped
+from companion.flight.state.goals_state import after_goal_added
 from companion.flight.state.list_state import MissionPosition
 from companion.flight.state.modes import Mode
 from companion.flight.state.team_part import settings_of
@@ -25,12 +31,83 @@ from companion.types.path import Path
 
 STEP_M, FARTHEST_M = 60.0, 1_500.0  # Circles are tried in rings so far apart, up to the last.
 BEARINGS = 24  # Circles of one ring.
+ASIDE_S = 30.0  # A mission has to lead to the circle elsewhere in this time, which is ten plans.
+
+
+class CircleAside:
+    """Answers requests to fly a circle elsewhere.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    link : VehicleLink
+        Knows the mission item being flown.
+    announcer : Announcer
+        Informs the pilot.
+    """
+
+    def __init__(self, flight: StateOwner, link: VehicleLink, announcer: Announcer) -> None:
+        self._flight, self._link, self._announcer = flight, link, announcer
+        self._asked = frozenset[tuple[int, int]]()  # Member and number of the requests that are known.
+        self._until_s = 0.0  # Until then a mission has to lead to the circle elsewhere.
+        self._stays_in: SharedPlan | None = None  # From this plan's circle no mission led to another one.
+
+    def look(self, agreement: Agreement, utc_s: float) -> bool:
+        """Answer new requests; return whether this member flies to another place from now on.
+
+        Each request is answered once. If the aircraft cannot be moved, its pilot is told. If no mission leads
+        to the circle elsewhere, it is given up, and not tried again from the same circle.
+
+        Parameters
+        ----------
+        agreement : Agreement
+            The member's part in the agreement.
+        utc_s : float
+            UTC time [s].
+        """
+        state, requests = self._flight.state, agreement.requests(utc_s)
+        if state.next_own is not None and state.goals_left:
+            return self._give_up(agreement, utc_s)
+        asked = frozenset((plan.member, plan.number) for plan in requests)
+        if asked <= self._asked or (state.may_act and state.goals_left and state.flies_to_goal):
+            return False
+        self._asked = asked
+        who, place = listed(plan.member for plan in requests), None
+        may_move = may_move_aside(state, agreement, self._link.autopilot.current, utc_s)
+        if may_move and agreement.committed is not self._stays_in:
+            place = circle_aside(state, agreement, requests, utc_s)
+        if place is None:
+            self._decide("in the way", f"in the way of system {who}, and does not move by itself", who)
+            return False
+        self._until_s = utc_s + ASIDE_S
+        self._flight.apply(after_goal_added, place)
+        self._decide("moves aside", f"moving out of the way of system {who}", who)
+        return True
+
+    def _give_up(self, agreement: Agreement, utc_s: float) -> bool:
+        """Go on with the own goals if no mission leads to the circle elsewhere; return whether it is so."""
+        state = self._flight.state
+        is_late = utc_s >= self._until_s and not state.flies_to_goal
+        if not is_late or state.is_returning or state.num_reached == len(state.own_goals):
+            return False
+        self._stays_in = agreement.committed
+        self._flight.apply(after_goal_dropped)
+        who = listed(member for member, _ in self._asked)
+        self._decide("in the way", f"in the way of system {who}: no mission leads to another circle", who)
+        return True
+
+    def _decide(self, tell: str, text: str, who: str) -> None:
+        """Record a decision, and tell the pilot who asked."""
+        self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
 
 
 def may_move_aside(
     state: FlightState, agreement: Agreement, current: MissionCurrent | None, utc_s: float
 ) -> bool:
-    """Return whether the aircraft circles at its last goal, and no pilot has taken over.
+    """Return whether the aircraft circles for good, as far as it knows, and no pilot has taken over.
+
+    It circles at its last goal, or its flown mission does not lead to one.
 
     Parameters
     ----------
@@ -43,12 +120,14 @@ def may_move_aside(
     utc_s : float
         UTC time [s].
     """
-    has_nothing_left = state.mode in (Mode.ARRIVED, Mode.ACTIVE) and not state.goals_left
-    is_in_list = state.motion is Motion.MISSION and state.tail_enu_m is None
+    is_planned = state.mode in (Mode.ARRIVED, Mode.ACTIVE)
+    leads_on = state.flies_to_goal if state.goals_left else state.continues_behind
+    is_in_list = state.motion is Motion.MISSION
     is_at_end = state.mission_list.position(current) is MissionPosition.OURS
     plan = agreement.committed
     is_circling = plan is not None and plan.circles_at(utc_s)
-    return has_nothing_left and is_in_list and is_at_end and is_circling and not state.is_returning
+    is_settled = is_planned and not leads_on and not state.is_returning
+    return is_settled and is_in_list and is_at_end and is_circling
 
 
 def circle_aside(
@@ -133,6 +212,11 @@ def members_barring(
         return frozenset()
     wanted, margin = wanted_plan(state, path, utc_s), margin_of(settings_of(config))
     return frozenset(circle.member for circle in circles if margin(wanted, circle, utc_s) < 0.0)
+
+
+def listed(members: Iterable[int]) -> str:
+    """Return the system ids of members for a text."""
+    return ", ".join(str(member) for member in sorted(members))
 
 
 def _is_clear(state: FlightState, centre: FloatArray, radii_m: Sequence[float]) -> bool:

@@ -135,8 +135,8 @@ class Handover:
             text = f"entered at item {current.sequence}, though unanswered"
             state, now = self._flight.state, self._clock.now_s()
             news = self._announcer.news.of(state, pending.flown.path, None, now)
-            tell, turn, time = news if state.may_act else ("", "", "")
-            self._announcer.decide(DecisionKind.SWAP, text, tell=tell, turn=turn, time=time)
+            tell, turn, arrival = news if state.may_act else ("", "", "")
+            self._announcer.decide(DecisionKind.SWAP, text, tell=tell, turn=turn, arrival=arrival)
             self._announcer.flown(pending.flown.path.positions_enu_m, "unanswered")
         return True
 
@@ -206,10 +206,10 @@ class Handover:
         text = f"{constructed.verdict.value}, {constructed.text}; {reason}"
         kind = DecisionKind.SWAP if is_acting else DecisionKind.READY
         state = self._flight.state
-        tell, turn, time = (
+        tell, turn, arrival = (
             self._announcer.news.of(state, constructed.path, before, now) if is_acting else ("", "", "")
         )
-        self._announcer.decide(kind, text, plan_ms, latency, facts, tell=tell, turn=turn, time=time)
+        self._announcer.decide(kind, text, plan_ms, latency, facts, tell=tell, turn=turn, arrival=arrival)
         self._announcer.tell_of_fields(constructed.why)
         return outcome
 

@@ -12,13 +12,8 @@ from companion.flight.exchange.protocols import SwapProtocols
 from companion.flight.messages.announcer import Announcer
 from companion.flight.state.checkpoint import Checkpoint, key_of
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.flight_state import (
-    StateOwner,
-    after_list_adopted,
-    after_operator_goals,
-    after_restart,
-    after_return_begun,
-)
+from companion.flight.state.flight_state import StateOwner, after_list_adopted, after_restart
+from companion.flight.state.goals_state import after_operator_goals, after_return_begun
 from companion.flight.state.list_state import (
     FlownPath,
     MissionPosition,

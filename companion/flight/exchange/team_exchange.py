@@ -14,17 +14,17 @@ from companion.clock import Clock
 from companion.flight.construction.mission_construction import ConstructedMission
 from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait, proposed_plan
 from companion.flight.exchange.circle_aside import (
-    circle_aside,
+    CircleAside,
     circles_of,
-    may_move_aside,
+    listed,
     members_barring,
     wanted_plan,
 )
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.flight_state import StateOwner, after_auction, after_goal_added
-from companion.flight.state.team_part import is_available, new_agreement, reached_goals
+from companion.flight.state.flight_state import StateOwner
+from companion.flight.state.team_part import is_available, new_agreement, reached_goals, take_goals
 from companion.mission.team.agreement import Agreement, Outcome
 from companion.mission.team.member_tracks import (
     IDENTITY,
@@ -95,7 +95,7 @@ class TeamExchange:
         self._announced = AnnouncedPlan()
         self._is_asking = False
         self._lost = frozenset[int]()
-        self._asked = frozenset[tuple[int, int]]()  # Member and number of the requests that are known.
+        self._aside = CircleAside(flight, link, announcer)
         # When each member was sighted last [s], and where [m].
         self._sightings: dict[int, tuple[float, tuple[float, float, float]]] = {}
         self._near = PlansNear()
@@ -132,7 +132,7 @@ class TeamExchange:
             return False
         self._announce(agreement, utc_s)
         lost = agreement.members_lost(utc_s)
-        has_other_goals = self._share_goals(agreement, utc_s, lost) or self._move_aside(agreement, utc_s)
+        has_other_goals = self._share_goals(agreement, utc_s, lost) or self._aside.look(agreement, utc_s)
         for payload in agreement.outgoing(utc_s):
             self._link.send(self._link.codec.team_message(payload))
         for member in sorted(lost ^ self._lost):
@@ -164,34 +164,11 @@ class TeamExchange:
             utc_s, (east_m, north_m), frozenset(config.members) - lost,
             reached=reached_goals(state), is_available=is_available(state),
         )  # fmt: skip
-        goals = state.goals
-        after = self._flight.apply(after_auction, won, is_over=auction.is_over)
-        if after.goals == goals:
+        if not take_goals(self._flight, won, is_over=auction.is_over):
             return False
         words = ", ".join(str(number + 1) for number in won) or "none"
         self._announcer.decide(DecisionKind.TEAM, f"goals: {words}")
         return True
-
-    def _move_aside(self, agreement: Agreement, utc_s: float) -> bool:
-        """Fly to a circle elsewhere if another member has to pass the own one; return whether it is so.
-
-        Each request is answered once. If the aircraft cannot be moved, its pilot is told.
-        """
-        state, requests = self._flight.state, agreement.requests(utc_s)
-        asked = frozenset((plan.member, plan.number) for plan in requests)
-        if asked <= self._asked or (state.may_act and state.goals_left):
-            return False
-        self._asked = asked
-        who, place = _listed(plan.member for plan in requests), None
-        if may_move_aside(state, agreement, self._link.autopilot.current, utc_s):
-            place = circle_aside(state, agreement, requests, utc_s)
-        if place is None:
-            text, tell = f"in the way of system {who}, and does not move by itself", "in the way"
-        else:
-            self._flight.apply(after_goal_added, place)
-            text, tell = f"moving out of the way of system {who}", "moves aside"
-        self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
-        return place is not None
 
     def _announce(self, agreement: Agreement, utc_s: float, *, anew: bool = False) -> None:
         """Announce what is flown if that is nothing that the others know, or ``anew`` in any case."""
@@ -229,7 +206,7 @@ class TeamExchange:
         # The autopilot's direction may have become known since. It cannot be announced during a proposal.
         self._announce(agreement, plan.start_s, anew=state.flown is None)
         if agreement.propose(plan, plan.start_s, constructed.start.state.stamp_s + ahead_s) is None:
-            return f"the path of system {_listed(agreement.refused_by)}"
+            return f"the path of system {listed(agreement.refused_by)}"
         return ""
 
     def circling(self) -> frozenset[str]:
@@ -248,7 +225,7 @@ class TeamExchange:
 
     def request(self, path: Path) -> None:
         """Request that members move whose circles bar a path to the goal."""
-        agreement, utc_s, who = self._agreement, self._utc_s(), _listed(self.barring(path))
+        agreement, utc_s, who = self._agreement, self._utc_s(), listed(self.barring(path))
         if agreement is None or utc_s is None or not who:
             return
         agreement.request(wanted_plan(self._flight.state, path, utc_s), utc_s)
@@ -268,7 +245,7 @@ class TeamExchange:
         if agreement is None or not self._is_asking:
             return ""
         if agreement.outcome() is Outcome.REFUSED:
-            return f"refused by system {_listed(agreement.refused_by)}"
+            return f"refused by system {listed(agreement.refused_by)}"
         return "not approved in time" if agreement.outcome() is Outcome.WITHDRAWN else ""
 
     def hold(self) -> None:
@@ -371,7 +348,3 @@ class TeamExchange:
         near = self._near.of(agreement.plans_to_clear(), area, reach_m, up_m)
         others += [track_of_plan(plan, now_s, ahead_s, reach_m, up_m) for plan in near]
         return tuple(sorted(others, key=lambda track: track.identity))
-
-
-def _listed(members: Iterable[int]) -> str:
-    return ", ".join(str(member) for member in sorted(members))

@@ -33,7 +33,7 @@ class PathNews:
     def of(
         self, state: FlightState, path: Path, before: FlownPath | None, now_s: float
     ) -> tuple[str, str, str]:
-        """Return the key of the text about a new path, its first turn, and the time to the goal.
+        """Return the key of the text about a new path, its first turn, and where it arrives in which time.
 
         The key is '' if a pilot would see no difference, and for a path that does not lead to the goal, which
         is announced as an emergency.
@@ -55,8 +55,9 @@ class PathNews:
         if is_safe is None or is_same:
             return "", "", ""
         left_s = max(0, round(float(path.times_s[-1]) - now_s))
-        time = f"{left_s // 60}:{left_s % 60:02d}"
-        return "path" if is_safe else "unsafe path", _first_turn(path, now_s), time
+        place = "circle" if state.flies_aside else "goal"
+        arrival = f"{place} in {left_s // 60}:{left_s % 60:02d}"
+        return "path" if is_safe else "unsafe path", _first_turn(path, now_s), arrival
 
 
 def _first_turn(path: Path, now_s: float) -> str:

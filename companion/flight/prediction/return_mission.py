@@ -23,7 +23,8 @@ from companion.flight.prediction.return_path import (
     start_of_return,
     tracks_by_return_path,
 )
-from companion.flight.state.flight_state import FlightState, bound_for
+from companion.flight.state.flight_state import FlightState
+from companion.flight.state.goals_state import bound_for
 from companion.frames import FloatArray, wrapped_angle
 from companion.mission.return_bank import (
     RETURN_WAYPOINTS_MAX,

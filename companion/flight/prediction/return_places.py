@@ -10,7 +10,8 @@ from companion.flight.construction.cycle import rally_points_near
 from companion.flight.construction.way_on import landing_region
 from companion.flight.prediction.return_mission import ReturnMission
 from companion.flight.prediction.return_path import start_of_return
-from companion.flight.state.flight_state import FlightState
+from companion.flight.state.flight_state import FlightState, StateOwner
+from companion.flight.state.goals_state import after_return_begun
 from companion.flight.state.list_state import FlownPath
 from companion.mission.list_layout import TwoBankLayout
 from companion.mission.return_bank import RETURN_ITEMS
@@ -79,6 +80,26 @@ def may_renew(state: FlightState) -> bool:
     """
     is_known = state.mission_list.layout is not None
     return is_known and state.mission.authority.renew_return and not state.mission.shares_goals
+
+
+def begin_return(
+    flight: StateOwner, ownship: Ownship, stored: ReturnMission, current: MissionCurrent
+) -> None:
+    """Let the service plan the rest of a return that follows the stored return path.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    ownship : Ownship
+        The aircraft now.
+    stored : ReturnMission
+        The return path, which is in the list.
+    current : MissionCurrent
+        The item of it that is flown.
+    """
+    flown = flown_return(flight.state, ownship, stored, current)
+    flight.apply(after_return_begun, stored.place, flown, is_landing=stored.is_landing)
 
 
 def flown_return(

@@ -30,7 +30,7 @@ from companion.flight.prediction.return_mission import (
     with_bank,
 )
 from companion.flight.prediction.return_places import (
-    flown_return,
+    begin_return,
     is_return_wanted,
     may_renew,
     return_places,
@@ -38,7 +38,7 @@ from companion.flight.prediction.return_places import (
 from companion.flight.replanning.plan_maker import return_request
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.flight_state import FlightState, after_return_begun
+from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import start_after
 from companion.planning.problem import GoalRegion
 from companion.types.path import Path
@@ -139,8 +139,7 @@ class WayHome:
         ownship = self._parts.world_model.ownship.state(self._parts.clock.now_s())
         if stored is None or current is None or ownship is None or not may_renew(flight.state):
             return False
-        flown = flown_return(flight.state, ownship, stored, current)
-        flight.apply(after_return_begun, stored.place, flown, is_landing=stored.is_landing)
+        begin_return(flight, ownship, stored, current)
         self._parts.announcer.decide(DecisionKind.RETURN, "its rest is planned", tell="return renewed")
         return True
 

@@ -87,7 +87,7 @@ def arrival_words(state: FlightState) -> tuple[str, str]:
     _, words, tell = MODE_ANNOUNCEMENTS[Mode.ARRIVED]
     if state.is_returning:
         return "at the end of the return", "return ended"
-    if state.num_added:
+    if state.flies_aside:
         return "out of another member's way", "moved aside"
     if num_missed := len(state.goals_left[:-1]):
         return f"{words}, but {num_missed} before it not reached", "goals missed"

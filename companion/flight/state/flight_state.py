@@ -2,8 +2,8 @@
 
 Theory of operation. :class:`FlightState` is everything that a decision depends on, apart from the known
 world. It is never changed, only replaced, and only by :meth:`StateOwner.apply`, which takes a function of
-this module or of :mod:`companion.flight.state.list_state`: each maps the state and one event to the next
-state.
+this module, of :mod:`companion.flight.state.goals_state` or of :mod:`companion.flight.state.list_state`: each
+maps the state and one event to the next state.
 
 ==========================  =============================================================
 event                       function
@@ -25,7 +25,7 @@ takeover                    :func:`after_takeover`
 mission entered             :func:`after_swap`
 own position                :func:`after_position`
 goals won in a team         :func:`after_auction`
-asked to circle elsewhere   :func:`after_goal_added`
+asked to circle elsewhere   :func:`after_goal_added`, :func:`after_goal_dropped`
 return that is planned      :func:`after_return_begun`
 ==========================  =============================================================
 """
@@ -33,7 +33,7 @@ return that is planned      :func:`after_return_begun`
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Concatenate, ParamSpec
 
@@ -58,7 +58,6 @@ from companion.flight.state.list_state import (
 )
 from companion.flight.state.modes import Mode, ModeEvent, next_mode
 from companion.mission.list_layout import Layout
-from companion.mission.operator import OperatorGoal
 from companion.mission.path_progress import progress_on
 from companion.planning.problem import GoalRegion
 from companion.types.events import Heartbeat, HomePosition, MissionCurrent, Motion, SteeringTarget
@@ -99,9 +98,9 @@ class FlightState:
         Whether other members of the team have goals left that this one may win.
     is_returning : bool
         Whether the service plans a return that was begun; its end is the last goal.
-    num_added : int
-        Number of goals at the end, 0 or 1, that are not the mission's: the end of a return, or a circle out
-        of another member's way.
+    next_own : int or None
+        Index of the mission's next goal while another place is flown to, which is the last of ``goals``: the
+        end of a return, or a circle out of another member's way. None if there is no such place.
     flown : FlownPath or None
         The flown path of the service.
     tail_enu_m : tuple of float, or None
@@ -145,7 +144,7 @@ class FlightState:
     next_goal: int = 0
     is_on_call: bool = False
     is_returning: bool = False
-    num_added: int = 0
+    next_own: int | None = None
     flown: FlownPath | None = None
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
@@ -187,8 +186,13 @@ class FlightState:
 
     @property
     def own_goals(self) -> tuple[GoalRegion, ...]:
-        """The mission's goals, without one that was added."""
-        return self.goals[: len(self.goals) - self.num_added]
+        """The mission's goals, without a place that was added."""
+        return self.goals if self.next_own is None else self.goals[:-1]
+
+    @property
+    def num_reached(self) -> int:
+        """Number of the mission's goals that are reached."""
+        return self.next_goal if self.next_own is None else self.next_own
 
     @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
@@ -198,12 +202,22 @@ class FlightState:
         back. The goals that the flight continues after are narrowed most.
         """
         left = self.goals[self.next_goal :]
-        num_passed = len(left) if self.tail_enu_m is not None else max(len(left) - 1, 0)
+        num_passed = len(left) if self.continues_behind else max(len(left) - 1, 0)
         shares = [NARROWED_SHARE] * num_passed + [NARROWED_LAST_SHARE] * (len(left) - num_passed)
         return tuple(
             replace(goal, acceptance_radius_m=share * goal.acceptance_radius_m)
             for goal, share in zip(left, shares, strict=True)
         )
+
+    @property
+    def flies_aside(self) -> bool:
+        """Whether the last of ``goals`` is a circle out of another member's way."""
+        return self.next_own is not None and not self.is_returning
+
+    @property
+    def continues_behind(self) -> bool:
+        """Whether the operator's mission continues behind the last of ``goals``."""
+        return self.tail_enu_m is not None and not self.flies_aside
 
     @property
     def flies_to_goal(self) -> bool:
@@ -306,7 +320,7 @@ def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
     if event is ModeEvent.LANDED:
         goals = (state.is_returning and state.rules.goals) or state.own_goals
         return replace(
-            state, mode=mode, goals=goals, is_returning=False, num_added=0, next_goal=0, flown=None,
+            state, mode=mode, goals=goals, is_returning=False, next_own=None, next_goal=0, flown=None,
             tail_enu_m=None, mission_list=after_landing(state.mission_list),
         )  # fmt: skip
     is_back = mode is Mode.ACTIVE and event in (ModeEvent.MISSION_FLOWN, ModeEvent.RETURN_RENEWED)
@@ -335,11 +349,6 @@ def after_movement_reported(
 def after_autopilot_known(state: FlightState, *, flies_by: bool) -> FlightState:
     """Return the state once the kind of autopilot is known."""
     return replace(state, flies_by=flies_by)
-
-
-def bound_for(state: FlightState, place: GoalRegion) -> FlightState:
-    """Return the state as if a place were the only goal, and nothing were flown yet."""
-    return replace(state, goals=(place,), actions=((),), next_goal=0, flown=None, tail_enu_m=None)
 
 
 def after_heartbeat(state: FlightState, heartbeat: Heartbeat) -> FlightState:
@@ -392,14 +401,14 @@ def after_rally_reported(state: FlightState, *, holds_any: bool) -> FlightState:
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """Return the state with another mission file; a changed list of goals begins at its first."""
     rules = rules_of(mission, state.rules.fences, state.settings)
-    goals, next_goal, num_added = state.goals, state.next_goal, state.num_added
+    goals, next_goal, next_own = state.goals, state.next_goal, state.next_own
     has_own = mission.goals_from_autopilot or mission.shares_goals or state.is_returning
     if not has_own and rules.goals != state.own_goals:
-        goals, next_goal, num_added = rules.goals, 0, 0
+        goals, next_goal, next_own = rules.goals, 0, None
     is_other = mission.goals != state.mission.goals
     listed = after_other_goals(state.mission_list) if is_other else state.mission_list
     return replace(
-        state, rules=rules, goals=goals, next_goal=next_goal, num_added=num_added, mission_list=listed
+        state, rules=rules, goals=goals, next_goal=next_goal, next_own=next_own, mission_list=listed
     )  # fmt: skip
 
 
@@ -420,50 +429,6 @@ def after_list_adopted(
     return replace(state, mission_list=listed, flown=None, tail_enu_m=tail_enu_m)
 
 
-def after_operator_goals(state: FlightState, goals: Sequence[OperatorGoal]) -> FlightState:
-    """Return the state with the operator's waypoints as goals; in the plane, at the mission's level."""
-    regions = tuple(state.region_at(goal.position_enu_m) for goal in goals)
-    actions, items = tuple(goal.actions for goal in goals), tuple(goal.sequence for goal in goals)
-    return replace(state, goals=regions, actions=actions, goal_items=items, next_goal=0, num_added=0)
-
-
-def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> FlightState:
-    """Return the state with the goals that this member has won; it waits until the team's are all flown."""
-    passed, left = state.own_goals[: state.next_goal], tuple(state.rules.goals[number] for number in won)
-    is_on_call = not is_over and (not (*passed, *left) or state.tail_enu_m is None)
-    if not left and state.num_added:
-        return replace(state, is_on_call=is_on_call)
-    return replace(
-        state, goals=(*passed, *left), num_added=0, next_goal=len(passed), is_on_call=is_on_call
-    )  # fmt: skip
-
-
-def after_goal_added(state: FlightState, place: GoalRegion) -> FlightState:
-    """Return the state with a place that is not the mission's as the only goal left."""
-    own = state.own_goals
-    return replace(state, goals=(*own, place), num_added=1, next_goal=len(own))
-
-
-def after_return_begun(
-    state: FlightState, place: GoalRegion, flown: FlownPath | None, *, is_landing: bool
-) -> FlightState:
-    """Return the state with the end of a return as the only goal left; a landing may follow there."""
-    tail = state.tail_enu_m if is_landing else None
-    return replace(after_goal_added(state, place), is_returning=True, tail_enu_m=tail, flown=flown)
-
-
-def after_takeover(state: FlightState, sequence: int) -> FlightState:
-    """Return the state after the takeover at an item: the goals before it are passed already.
-
-    The item itself is also passed if the operator lets the aircraft hold at it.
-    """
-    if state.mission_list.was_found_flown:
-        return state
-    is_held = state.mission.takeover.when == "holding"
-    passed = sum(item < sequence or (is_held and item == sequence) for item in state.goal_items)
-    return replace(state, next_goal=max(state.next_goal, passed))
-
-
 def after_restart(
     state: FlightState, flown: FlownPath | None = None, num_goals_reached: int = 0
 ) -> FlightState:
@@ -479,8 +444,16 @@ def after_swap(
     return replace(state, flown=flown, mission_list=listed)
 
 
+def after_goal_dropped(state: FlightState) -> FlightState:
+    """Return the state with the mission's goals that are left, and no place that was added."""
+    return replace(state, goals=state.own_goals, next_goal=state.num_reached, next_own=None)
+
+
 def after_position(state: FlightState, ownship: Ownship) -> FlightState:
-    """Return the state with the goals passed by now, the wind, and the aircraft's row on its path."""
+    """Return the state with the goals passed by now, the wind, and the aircraft's row on its path.
+
+    At a place that was added, the flight goes on with the mission's goals that are left.
+    """
     next_goal, flown = state.next_goal, state.flown
     while next_goal < len(state.goals):
         goal = state.goals[next_goal]
@@ -490,7 +463,9 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
     if flown is not None:
         row = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
         flown = replace(flown, row=row)
-    return replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
+    after = replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
+    has_others = next_goal == len(state.goals) and state.num_reached < len(state.own_goals)
+    return after_goal_dropped(after) if has_others and not state.is_returning else after
 
 
 def _in_wind(state: FlightState, ownship: Ownship) -> FlightState:

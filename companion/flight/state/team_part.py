@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from companion.config.sections.team_section import TeamConfig
-from companion.flight.state.flight_state import FlightState
+from companion.flight.state.flight_state import FlightState, StateOwner
+from companion.flight.state.goals_state import after_auction
 from companion.flight.state.modes import Mode
 from companion.mission.team.agreement import Agreement
 from companion.mission.team.goal_auction import GoalAuction
@@ -50,11 +53,27 @@ def new_agreement(state: FlightState, system_id: int, utc_s: float) -> Agreement
 
 
 def is_available(state: FlightState) -> bool:
-    """Return whether a member flies goals of the team: the pilot leaves it to the service."""
-    return state.mode in AVAILABLE
+    """Return whether a member flies goals of the team: the pilot leaves it to the service, on no return."""
+    return state.mode in AVAILABLE and not state.is_returning
+
+
+def take_goals(flight: StateOwner, won: Sequence[int], *, is_over: bool) -> bool:
+    """Let a member fly the goals that it has won; return whether they are others than before.
+
+    Parameters
+    ----------
+    flight : StateOwner
+        The flight's state.
+    won : sequence of int
+        Numbers of the mission file's goals in the order in which they are flown, from 0.
+    is_over : bool
+        Whether all goals of the team are flown.
+    """
+    goals = flight.state.goals
+    return flight.apply(after_auction, won, is_over=is_over).goals != goals
 
 
 def reached_goals(state: FlightState) -> tuple[int, ...]:
     """Return the numbers of the mission file's goals that this member has reached, from 0."""
     listed = state.rules.goals
-    return tuple(listed.index(goal) for goal in state.own_goals[: state.next_goal])
+    return tuple(listed.index(goal) for goal in state.own_goals[: state.num_reached])

@@ -10,7 +10,7 @@ from companion.flight.monitors.return_setting import ReturnSetting
 from companion.flight.prediction.return_words import return_in_words
 from companion.flight.replanning.replanning_parts import ReplanningParts
 from companion.flight.state.decision import DecisionKind
-from companion.flight.state.flight_state import after_takeover
+from companion.flight.state.goals_state import after_takeover
 from companion.flight.state.list_state import after_suspicion
 from companion.flight.takeover.capability import shortfalls
 from companion.flight.takeover.takeover import is_due

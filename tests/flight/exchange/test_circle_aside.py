@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +10,23 @@ import shapely
 
 from companion.config import mission_from_text
 from companion.config.sections.team_section import TeamConfig
-from companion.flight.exchange.circle_aside import STEP_M, circle_aside, may_move_aside, wanted_plan
-from companion.flight.state.flight_state import GOAL_RADIUS_M, after_goal_added, first_state
+from companion.flight.exchange.circle_aside import (
+    ASIDE_S,
+    STEP_M,
+    CircleAside,
+    circle_aside,
+    may_move_aside,
+    wanted_plan,
+)
+from companion.flight.state.flight_state import GOAL_RADIUS_M, StateOwner, after_position, first_state
+from companion.flight.state.list_state import FlownPath
 from companion.flight.state.modes import Mode
 from companion.flight.state.team_part import settings_of
 from companion.mission.team.agreement import Agreement
 from companion.types.events import Motion
-from tests.flight.construction.test_cycle import TWO_GOALS
+from companion.types.mission import Mission
+from companion.types.state import Ownship
+from tests.flight.construction.test_cycle import TWO_GOALS, straight
 from tests.mission.team.team_plans import BEGIN_S, FRAME
 from tests.mission.team.team_plans import plan as plan_through
 from tests.support.paths import path_of
@@ -102,20 +113,109 @@ def test_there_may_be_no_such_place():
     assert circle_aside(state, agreement, [through(place, place) for place in places], LATER_S) is None
 
 
-def test_only_an_aircraft_that_circles_at_its_last_goal_and_that_no_pilot_flies_moves():
+LEADS_ON = FlownPath(straight(), Mission((), 1, 1), 60.0)  # To the last goal.
+
+
+def test_only_an_aircraft_that_circles_with_no_way_on_and_that_no_pilot_flies_moves():
     state, agreement = circling()
     assert may_move_aside(state, agreement, None, LATER_S)
     assert not may_move_aside(state, agreement, None, BEGIN_S - 1.0)  # It is on its way there.
+    waits = replace(state, mode=Mode.ACTIVE, next_goal=0)
     for other in (
         replace(state, mode=Mode.SUSPENDED),
-        replace(state, mode=Mode.ACTIVE, next_goal=0),
+        replace(waits, flown=LEADS_ON),
         replace(state, motion=Motion.STEERED),
         replace(state, tail_enu_m=(0.0, 0.0, 0.0)),
         replace(state, is_returning=True),
-        replace(after_goal_added(state, state.region_at(HERE)), mode=Mode.ACTIVE),
     ):
         assert not may_move_aside(other, agreement, None, LATER_S)
     assert may_move_aside(replace(state, mode=Mode.ACTIVE, is_on_call=True), agreement, None, LATER_S)
+    assert may_move_aside(waits, agreement, None, LATER_S)
+    assert may_move_aside(replace(waits, tail_enu_m=(0.0, 0.0, 0.0)), agreement, None, LATER_S)
+
+
+class Asked:
+    """A member that is requested to move, and what its pilot reads."""
+
+    def __init__(self, **changes):
+        state, self.agreement = circling()
+        self.owner = StateOwner(replace(state, **changes))
+        self.told, self.now_s = [], LATER_S
+        asker = Agreement(2, TEAM.members, FRAME, settings_of(TEAM), started_s=BEGIN_S)
+        self.asker = asker
+        self.aside = CircleAside(
+            self.owner, SimpleNamespace(autopilot=SimpleNamespace(current=None)),
+            SimpleNamespace(decide=lambda _kind, text, **_more: self.told.append(text)),
+        )  # fmt: skip
+
+    def ask(self):
+        """Member 2 requests its path once more."""
+        self.asker.request(PASSES, self.now_s)
+        for payload in self.asker.outgoing(self.now_s):
+            self.agreement.receive(2, payload, self.now_s)
+
+    def look(self, after_s=1.0):
+        self.now_s += after_s
+        return self.aside.look(self.agreement, self.now_s)
+
+    @property
+    def left(self):
+        return [goal.position_enu_m for goal in self.owner.state.goals_left]
+
+
+WAITS = {"mode": Mode.ACTIVE, "next_goal": 0}
+
+
+def test_who_waits_with_goals_left_moves_once_and_flies_them_afterwards():
+    asked = Asked(**WAITS)
+    own = asked.left
+    assert not asked.look()
+    asked.ask()
+    assert asked.look()
+    (place,) = asked.left
+    assert place not in own
+    assert room_at(place, PASSES) >= -1.0
+    asked.ask()
+    assert not asked.look()
+    assert asked.left == [place]
+    assert asked.told == ["moving out of the way of system 2"]
+    asked.owner.apply(after_position, Ownship(0.0, place, 0.0, 0.0, 25.0, 25.0))
+    assert asked.left == own
+
+
+def test_a_place_to_which_no_mission_leads_is_given_up_and_not_tried_again_from_the_same_circle():
+    asked = Asked(**WAITS)
+    own = asked.left
+    asked.ask()
+    assert asked.look()
+    assert not asked.look(ASIDE_S - 1.0)
+    assert asked.look(1.0)
+    assert asked.left == own
+    asked.ask()
+    assert not asked.look()
+    assert asked.told[1:] == [
+        "in the way of system 2: no mission leads to another circle",
+        "in the way of system 2, and does not move by itself",
+    ]
+    asked.agreement.announce(circle_at(HERE))  # It circles anew.
+    asked.ask()
+    assert asked.look()
+
+
+def test_who_has_flown_all_its_goals_does_not_give_a_place_up():
+    asked = Asked()
+    asked.ask()
+    assert asked.look()
+    place = asked.left
+    assert not asked.look(10.0 * ASIDE_S)
+    assert asked.left == place
+
+
+def test_who_is_on_its_way_to_a_goal_is_not_asked():
+    asked = Asked(**WAITS, flown=LEADS_ON)
+    asked.ask()
+    assert not asked.look()
+    assert asked.told == []
 
 
 def test_what_is_wanted_is_the_path_from_now_on_and_a_circle_at_its_end():

@@ -10,7 +10,7 @@ import pytest
 from companion.assurance.violation import Violation
 from companion.clock import ManualClock
 from companion.config import mission_from_text
-from companion.config.models import Bounds
+from companion.config.models import Bounds, Origin
 from companion.config.sections.team_section import TeamConfig
 from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows, circled
 from companion.flight.exchange.team_exchange import TeamExchange, UtcClock
@@ -39,9 +39,9 @@ TEAM = TeamConfig(members=(1, 2, 3), apart_m=100.0, apart_up_m=30.0, tolerance_m
 
 
 class Team:
-    """The exchange of system 1, with stand-ins for the rest of the service."""
+    """The exchange of system 1, with stand-ins for the rest of the service; ``owner`` holds a whole state."""
 
-    def __init__(self, team=TEAM):
+    def __init__(self, team=TEAM, owner=None):
         self.clock, self.sent, self.told = ManualClock(), [], []
         self.met = []
         checker = SimpleNamespace(
@@ -50,13 +50,13 @@ class Team:
         self.state = SimpleNamespace(
             mission=SimpleNamespace(
                 team=team, frame=FRAME, bounds=BOUNDS, team_members=team.members if team else ()
-            ), flown=None, turn_radius_m=80.0,
+            ), flown=None, turn_radius_m=80.0, next_own=None,
             motion=Motion.STEERED, target_enu_m=None, rules=SimpleNamespace(checker=checker),
         )  # fmt: skip
         self.own = Ownship(0.0, (0.0, 0.0, 100.0), 0.0, 0.0, 20.0, 0.0)
         codec = SimpleNamespace(vehicle_system_id=1, team_message=lambda payload: payload)
         self.exchange = TeamExchange(
-            SimpleNamespace(state=self.state), SimpleNamespace(state=self._own_at),
+            owner or SimpleNamespace(state=self.state), SimpleNamespace(state=self._own_at),
             SimpleNamespace(codec=codec, send=self.sent.append, autopilot=SimpleNamespace(current=None)),
             self.clock,
             SimpleNamespace(decide=lambda kind, text, **_more: self.told.append(text)),
@@ -272,13 +272,10 @@ GOALS = tuple(GoalRegion((1000.0 * n, 500.0, 100.0), 60.0) for n in range(4))
 
 def sharing():
     """Three members that share four goals; system 1 is at the first, 2 and 3 beside the last two."""
-    team = Team(SHARED)
     mission = mission_from_text(LONG, "long.yaml").model_copy(update={"team": SHARED})
     own = first_state(mission, 0.0)
-    team.own = replace(team.own, position_enu_m=(0.0, 0.0, 100.0))
     owner = StateOwner(replace(own, rules=replace(own.rules, goals=GOALS), mode=Mode.ACTIVE))
-    team.exchange._flight = owner
-    team.begin()
+    team = Team(SHARED, owner).begin()
     for member, other in team.others.items():
         other.auction = GoalAuction(member, np.array([g.position_enu_m[:2] for g in GOALS]), FRAME, 25.0)
         other.auction.look(AHEAD_S, (1000.0 * member, -200.0), {1, 2, 3})
@@ -382,20 +379,24 @@ def test_before_its_first_plan_a_member_announces_anew_what_it_flies_with_each_p
     )
 
 
-def circling_at_the_goal(team):
+def circling_at_the_goal():
     """System 1 circles at its last goal, and no pilot flies it."""
     text = LONG.replace("{east_m: 4000, north_m: 0, up_m: 100}", "{east_m: 0, north_m: 0, up_m: 100}")
-    own = first_state(mission_from_text(text, "here.yaml").model_copy(update={"team": TEAM}), 0.0)
-    own = replace(own, mode=Mode.ARRIVED, motion=Motion.MISSION, next_goal=len(own.goals))
+    origin = Origin(
+        latitude_deg=FRAME.latitude_deg, longitude_deg=FRAME.longitude_deg,
+        altitude_amsl_m=FRAME.altitude_amsl_m,
+    )  # fmt: skip
+    mission = mission_from_text(text, "here.yaml").model_copy(update={"team": TEAM, "origin": origin})
+    own = replace(first_state(mission, 0.0), mode=Mode.ARRIVED, motion=Motion.MISSION, next_goal=1)
+    owner = StateOwner(own)
+    team = Team(owner=owner).begin()
     here = SharedPlan(1, 0, np.array([[AHEAD_S, 0.0, 0.0, 100.0]]), 80.0, 50.0, 10.0)
-    team.exchange.agreement.announce(here)  # In the frame of the others, not in that of this mission.
-    team.exchange._flight = owner = StateOwner(own)
-    return owner
+    team.exchange.agreement.announce(here)
+    return team, owner
 
 
 def test_a_member_at_its_last_goal_moves_for_one_that_has_to_pass_and_the_pilot_is_told():
-    team = Team().begin()
-    owner = circling_at_the_goal(team)
+    team, owner = circling_at_the_goal()
     team.talk(3.0)
     rows = np.array([[AHEAD_S + 3.0, -1500.0, 0.0, 100.0], [AHEAD_S + 103.0, 1000.0, 0.0, 100.0]])
     wanted = SharedPlan(2, 0, rows, 80.0, 50.0, 10.0)
@@ -411,8 +412,7 @@ def test_a_member_at_its_last_goal_moves_for_one_that_has_to_pass_and_the_pilot_
 
 
 def test_a_pilot_who_circles_in_the_way_is_told_once_for_each_request():
-    team = Team().begin()
-    owner = circling_at_the_goal(team)
+    team, owner = circling_at_the_goal()
     owner.apply(lambda state: replace(state, mode=Mode.SUSPENDED))
     rows = np.array([[AHEAD_S + 3.0, -1500.0, 0.0, 100.0], [AHEAD_S + 103.0, 1000.0, 0.0, 100.0]])
     for number in (1, 2):

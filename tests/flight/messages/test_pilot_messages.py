@@ -35,7 +35,9 @@ def path_of(*legs, begins_s=100.0):
 def state_for(path, *, is_safe=True):
     """A flight to where a path ends."""
     goal = SimpleNamespace(position_enu_m=tuple(path.positions_enu_m[-1]), acceptance_radius_m=30.0)
-    state = SimpleNamespace(goals=[goal], violations_of=lambda _: () if is_safe else ("threat",))
+    state = SimpleNamespace(
+        goals=[goal], flies_aside=False, violations_of=lambda _: () if is_safe else ("threat",)
+    )
     state.leads_to_goal = partial(FlightState.leads_to_goal, state)
     return state
 
@@ -58,7 +60,14 @@ def test_nothing_is_read_of_a_path_if_another_member_of_the_team_took_the_last_g
 )
 def test_the_first_turn_and_the_time(legs, now_s, turn, time):
     path = path_of(*legs)
-    assert PathNews().of(state_for(path), path, None, now_s) == ("path", turn, time)
+    assert PathNews().of(state_for(path), path, None, now_s) == ("path", turn, f"goal in {time}")
+
+
+def test_a_path_out_of_another_members_way_arrives_in_a_circle():
+    path = path_of((90.0, 2000.0))
+    state = state_for(path)
+    state.flies_aside = True
+    assert PathNews().of(state, path, None, 100.0) == ("path", "Straight on", "circle in 1:40")
 
 
 def test_nothing_is_read_of_a_path_that_looks_the_same():

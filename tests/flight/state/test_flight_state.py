@@ -10,25 +10,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.config import mission_from_text
-from companion.flight.state import flight_state, list_state
+from companion.flight.state import flight_state, goals_state, list_state
 from companion.flight.state.flight_state import (
     FlightState,
     StateOwner,
     after_armed_reported,
-    after_auction,
     after_fences,
-    after_goal_added,
     after_mode_event,
-    after_operator_goals,
     after_position,
     after_reload,
     after_restart,
     after_swap,
     first_state,
 )
+from companion.flight.state.goals_state import after_operator_goals
 from companion.flight.state.list_state import FlownPath, ListState, after_asked, after_swap_ended
 from companion.flight.state.modes import Mode, ModeEvent
-from companion.flight.state.team_part import reached_goals
 from companion.mission.list_layout import new_banks
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import OperatorGoal
@@ -44,6 +41,7 @@ pytestmark = pytest.mark.xdist_group("sources")
 COMPANION = ROOT / "companion"
 WRITERS = {
     COMPANION / "flight" / "state" / "flight_state.py",
+    COMPANION / "flight" / "state" / "goals_state.py",
     COMPANION / "flight" / "state" / "list_state.py",
 }
 
@@ -210,8 +208,9 @@ def calls(path, *names):
 
 
 def test_only_transitions_are_applied():
-    """What is applied is a function of the two modules, by its name: nothing made up on the spot."""
-    transitions = {name for module in (flight_state, list_state) for name in vars(module) if "after_" in name}
+    """What is applied is a function of the three modules, by its name: nothing made up on the spot."""
+    modules = (flight_state, goals_state, list_state)
+    transitions = {name for module in modules for name in vars(module) if "after_" in name}
     applied = []
     for path in MODULES:
         if path not in WRITERS:
@@ -243,44 +242,3 @@ def test_nobody_else_makes_or_replaces_the_state():
             for node in calls(path, "replace"):
                 named = {keyword.arg for keyword in node.keywords}
                 assert not (named & fields and ast.unparse(node.args[0]) in ("state", "listed")), path
-
-
-ASIDE = (5.0, 5.0, 100.0)
-
-
-def moving_aside():
-    """The state of an aircraft that was at both goals of its mission and then had to circle elsewhere."""
-    state = begun(TWO_GOALS)
-    state = replace(state, next_goal=2, mode=Mode.ACTIVE)
-    return after_goal_added(state, state.region_at(ASIDE))
-
-
-def test_a_goal_that_is_added_is_the_only_one_left_and_another_one_replaces_it():
-    state = moving_aside()
-    assert [goal.position_enu_m for goal in state.goals_left] == [ASIDE]
-    assert not state.has_arrived
-    there = (900.0, 5.0, 100.0)
-    state = after_goal_added(replace(state, next_goal=3), state.region_at(there))
-    assert [goal.position_enu_m for goal in state.goals_left] == [there]
-    assert state.own_goals == begun(TWO_GOALS).goals == state.goals[:2]
-
-
-def test_a_goal_that_was_added_is_forgotten_with_the_landing_and_with_other_goals():
-    state = moving_aside()
-    landed = after_mode_event(state, ModeEvent.LANDED)
-    assert (landed.goals, landed.num_added, landed.next_goal) == (begun(TWO_GOALS).goals, 0, 0)
-    same = after_reload(state, state.mission)
-    assert [goal.position_enu_m for goal in same.goals_left] == [ASIDE]
-    other = after_reload(state, begun(OPEN).mission)
-    assert (other.goals, other.num_added, other.next_goal) == (begun(OPEN).goals, 0, 0)
-
-
-def test_a_goal_that_was_added_is_none_of_the_teams():
-    """It stays while nothing is won, is not reported as flown, and gives way to a goal that is won."""
-    state = replace(moving_aside(), is_on_call=True)
-    kept = after_auction(state, (), is_over=False)
-    assert kept.goals == state.goals
-    at_place = replace(kept, next_goal=3)
-    assert reached_goals(at_place) == (0, 1)
-    won = after_auction(at_place, (1,), is_over=False)
-    assert (won.goals, won.num_added, won.next_goal) == ((*state.own_goals, state.rules.goals[1]), 0, 2)
