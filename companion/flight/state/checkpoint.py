@@ -97,8 +97,7 @@ class Checkpoint:
         """Store which goals are reached, and where a return ends that the service plans."""
         ends = (state.goals[-1].position_enu_m, state.tail_enu_m is not None) if state.is_returning else None
         places = [goal.position_enu_m for goal in state.own_goals]
-        number = len(places) if state.is_returning else state.num_reached
-        self.note_reached(places, number, boot_s, ends)
+        self.note_reached(places, state.num_done, boot_s, ends)
 
     def note_reached(
         self, goals: Places, number: int, boot_s: float = 0.0, return_end: ReturnEnd | None = None

@@ -195,6 +195,11 @@ class FlightState:
         return self.next_goal if self.next_own is None else self.next_own
 
     @property
+    def num_done(self) -> int:
+        """Number of the mission's goals that are reached, or given up for a return."""
+        return self.next_goal if self.is_returning else self.num_reached
+
+    @property
     def goals_left(self) -> tuple[GoalRegion, ...]:
         """Goals that are not reached yet, with narrower radii than those at which they count as reached.
 

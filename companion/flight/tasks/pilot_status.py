@@ -57,7 +57,7 @@ class PilotStatus:
             "is_in_trouble": replanning.is_in_trouble(),
             "emergency": None if emergency is None else emergency.value,
             "goals": [[*goal.position_enu_m, goal.acceptance_radius_m] for goal in state.goals],
-            "next_goal": state.next_goal,
+            "next_goal": state.num_done,
             "item": None if current is None else current.sequence,
             "num_items": len(state.mission_list.stored),
             "handback": handback,

@@ -65,7 +65,7 @@ def waiting_aside(tail_enu_m=None):
 def test_at_a_place_that_was_added_the_flight_goes_on_with_the_goals_that_are_left():
     state = waiting_aside()
     assert [goal.position_enu_m for goal in state.goals_left] == [ASIDE]
-    assert (state.num_reached, state.has_arrived) == (1, False)
+    assert (state.num_reached, state.num_done, state.has_arrived) == (1, 1, False)
     own = begun(TWO_GOALS).goals
     again = after_position(state, ownship_at(ASIDE[0], ASIDE[1]))
     assert (again.goals, again.next_goal, again.next_own) == (own, 1, None)
@@ -107,3 +107,4 @@ def test_goals_that_are_left_at_a_return_are_not_reported_as_flown_and_others_fl
     assert [goal.position_enu_m for goal in state.goals_left] == [ASIDE]
     at_end = after_position(state, ownship_at(ASIDE[0], ASIDE[1]))
     assert (at_end.goals_left, at_end.is_returning, reached_goals(at_end)) == ((), True, (0,))
+    assert at_end.num_done > at_end.num_reached == 1
