@@ -15,6 +15,10 @@ from companion.types.threat import Obstacle
 HEIGHT_MARGIN_M = 20.0  # An obstacle farther above or below a circle is ignored.
 # A circle may fall short of the clearance by this much: the checker measures it exactly.
 FIT_TOLERANCE_M = 0.1
+# Offsets of the centre from a path, to the right, as shares of the radius: circles that touch the path, and
+# circles round it.
+TOUCHING = (1.0, -1.0)
+ROUND_PATH = (0.5, -0.5, 0.0)
 
 
 class Circle(NamedTuple):
@@ -37,13 +41,15 @@ class Circle(NamedTuple):
 
 def circles_along(
     positions_enu_m: FloatArray, courses_rad: FloatArray, radius_m: float, obstacles: Sequence[Obstacle],
-    bounds: tuple[float, float, float, float, float, float], margin_m: float,
+    bounds: tuple[float, float, float, float, float, float], margin_m: float, *,
+    offsets: Sequence[float] = TOUCHING,
 ) -> list[list[Circle]]:  # fmt: skip
     """Return circles that touch a path at given points, on either side, as far as they are clear.
 
     An aircraft that is sent to circle the point that it is passing overshoots by half a radius. It joins a
-    circle beside that point without turning back. A circle that would leave the bounds is moved inside them,
-    and may then be flown in either direction.
+    circle beside that point without turning back. Circles with other ``offsets`` lie round the point, and an
+    aircraft joins them from inside. A circle that would leave the bounds is moved inside them. That one, and
+    one in the middle of which the path ends, may be flown in either direction.
 
     Parameters
     ----------
@@ -59,16 +65,18 @@ def circles_along(
         East, north and up, lowest and highest each [m].
     margin_m : float
         Distance to keep from obstacles [m].
+    offsets : sequence of float
+        Offsets of the circles' centres from the path, to the right, as shares of the radius.
 
     Returns
     -------
     list of list of Circle
-        At most four circles for each point, the one with the largest clearance first.
+        At most two circles for each point and offset, the one with the largest clearance first.
     """
     right = np.column_stack([np.cos(courses_rad), -np.sin(courses_rad)])
-    touching = positions_enu_m[:, None, :2] + radius_m * np.stack([right, -right], axis=1)
+    wanted = positions_enu_m[:, None, :2] + radius_m * np.array(offsets)[:, None] * right[:, None]
     low, high = np.array([bounds[0], bounds[2]]) + radius_m, np.array([bounds[1], bounds[3]]) - radius_m
-    centres = np.minimum(high, np.maximum(low, touching))
+    centres = np.minimum(high, np.maximum(low, wanted))
     clearance = np.minimum(centres - low, high - centres).min(axis=2)
     points, heights = shapely.points(centres), positions_enu_m[:, 2]
     for obstacle in obstacles:
@@ -82,12 +90,12 @@ def circles_along(
     found = []
     for row, place in enumerate(positions_enu_m):
         at_row = []
-        for side in np.argsort(-clearance[row], kind="stable"):
-            if clearance[row, side] < -FIT_TOLERANCE_M:
+        for k in np.argsort(-clearance[row], kind="stable"):
+            if clearance[row, k] < -FIT_TOLERANCE_M:
                 continue
-            centre, direction = centres[row, side], 1.0 - 2.0 * float(side)
-            directions = [direction]
-            if (centre != touching[row, side]).any():
+            centre = centres[row, k]
+            directions = [math.copysign(1.0, offsets[k])]
+            if not offsets[k] or (centre != wanted[row, k]).any():
                 nearer = math.copysign(1.0, float((centre - place[:2]) @ right[row]))
                 directions = [nearer, -nearer]
             at_row += [Circle(np.append(centre, place[2]), radius_m, direction) for direction in directions]

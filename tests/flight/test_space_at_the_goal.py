@@ -23,9 +23,14 @@ LANE = MISSION.replace("{east_m: 4000, north_m: 0", "{east_m: 1500, north_m: 0")
 TEXT = LANE + "obstacles:\n" + WALLS
 
 
-def flown():
+# 350 m apart, until 700 m behind the goal: a circle has room, but none that touches the lane's middle.
+STREET = WALL.format("left", 175, 175, 1000, 1000) + WALL.format("right", -1000, -1000, -175, -175)
+STREET = LANE + "obstacles:\n" + STREET.replace("1550", "2200")
+
+
+def flown(text=TEXT):
     """The flight of an ArduPlane without items behind the goal, and whether that was passed."""
-    harness = SitlHarness(mission_from_text(TEXT, "lane.yaml"), dialect=Dialect.ARDUPILOT)
+    harness = SitlHarness(mission_from_text(text, "lane.yaml"), dialect=Dialect.ARDUPILOT)
     harness.fly(90.0)
     away = np.hypot(*(np.array(harness.simulator.truth.path)[:, 1:3] - (1500.0, 0.0)).T)
     return harness, bool((away <= 60.0).any())
@@ -45,6 +50,18 @@ def test_else_it_has_no_mission_that_leads_to_the_goal(monkeypatch):
     rejected = [entry.text for entry in harness.recorder.decisions if entry.kind == "rejected"]
     assert any("mission" in text and "no circle" in text for text in rejected)
     assert not is_there
+
+
+@pytest.mark.parametrize("is_tried", [True, False])
+def test_in_a_street_a_mission_ends_in_a_circle_round_its_path(is_tried, monkeypatch):
+    """Beside it the same flight with circles that touch the path alone: nothing leads to the goal."""
+    if not is_tried:
+        monkeypatch.setattr(mission_construction, "ROUND_PATH", ())
+    harness, is_there = flown(STREET)
+    assert is_there is is_tried
+    assert not harness.simulator.truth.collision
+    rejected = [entry.text for entry in harness.recorder.decisions if entry.kind == "rejected"]
+    assert any("no circle" in text for text in rejected) is not is_tried
 
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (5.0, -3.0)])

@@ -7,16 +7,17 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.mission.loiter import FIT_TOLERANCE_M, circles_along
+from companion.mission.loiter import FIT_TOLERANCE_M, ROUND_PATH, TOUCHING, circles_along
 from tests.support.paths import box
 
 BOUNDS = (0.0, 1000.0, 0.0, 1000.0, 50.0, 300.0)
 RADIUS, MARGIN, EAST = 125.0, 10.0, 0.5 * math.pi
 
 
-def circles(place, course=0.0, obstacles=()):
+def circles(place, course=0.0, obstacles=(), offsets=TOUCHING):
     """The circles at one place of a path."""
-    return circles_along(np.array([place]), np.array([course]), RADIUS, obstacles, BOUNDS, MARGIN)[0]
+    places, courses = np.array([place]), np.array([course])
+    return circles_along(places, courses, RADIUS, obstacles, BOUNDS, MARGIN, offsets=offsets)[0]
 
 
 def test_on_both_sides_of_the_path_and_to_the_right_where_both_are_as_free():
@@ -54,17 +55,30 @@ def test_a_circle_that_would_leave_the_bounds_is_moved_inside_and_flown_either_w
     assert (first.direction, second.direction) == (-1.0, 1.0)
 
 
+def test_in_a_street_only_circles_round_the_path_have_room():
+    """290 m between two walls, of which a circle needs 270: in the middle, it may be flown either way."""
+    street = [box("west", 300.0, 0.0, 355.0, 1000.0), box("east", 645.0, 0.0, 700.0, 1000.0)]
+    assert circles((500.0, 500.0, 100.0), obstacles=street) == []
+    either = circles((500.0, 500.0, 100.0), obstacles=street, offsets=ROUND_PATH)
+    assert [circle.direction for circle in either] == [1.0, -1.0]
+    for circle in either:
+        np.testing.assert_allclose(circle.centre_enu_m, [500.0, 500.0, 100.0])
+    (left,) = circles((560.0, 500.0, 100.0), obstacles=street, offsets=ROUND_PATH)
+    np.testing.assert_allclose(left.centre_enu_m, [497.5, 500.0, 100.0])
+    assert left.direction == -1.0
+
+
 @settings(max_examples=60, deadline=None)
 @given(
-    st.floats(0.0, 2.0 * math.pi), st.floats(0.0, 1000.0), st.floats(0.0, 1000.0),
-    st.floats(100.0, 900.0), st.floats(100.0, 900.0),
+    st.sampled_from([TOUCHING, ROUND_PATH]), st.floats(0.0, 2.0 * math.pi), st.floats(0.0, 1000.0),
+    st.floats(0.0, 1000.0), st.floats(100.0, 900.0), st.floats(100.0, 900.0),
 )  # fmt: skip
-def test_every_circle_keeps_clear_and_lies_in_the_bounds(course, east, north, wall_east, wall_north):
+def test_every_circle_keeps_clear_and_lies_in_the_bounds(offsets, course, east, north, wall_east, wall_north):
     """The first way round a circle is the one that the path leads into."""
     wall = box("wall", wall_east, wall_north, wall_east + 50.0, wall_north + 100.0)
     place, right = np.array([east, north, 100.0]), np.array([math.cos(course), -math.sin(course), 0.0])
     seen = set()
-    for circle in circles(place, course, [wall]):
+    for circle in circles(place, course, [wall], offsets):
         centre = circle.centre_enu_m
         assert all(RADIUS <= centre[axis] <= 1000.0 - RADIUS for axis in (0, 1))
         away = shapely.Polygon(wall.polygon_enu_m).distance(shapely.Point(centre[:2]))

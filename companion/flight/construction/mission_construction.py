@@ -40,7 +40,7 @@ from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
 from companion.frames import FloatArray
 from companion.kernels.arrays import IntArray
-from companion.mission.loiter import Circle, circles_along
+from companion.mission.loiter import ROUND_PATH, TOUCHING, Circle, circles_along
 from companion.mission.waypoints import (
     HEIGHT_TOLERANCE_M,
     OVER_GROUND_TOLERANCE_M,
@@ -185,11 +185,30 @@ def construct_until(state: FlightState, path: Path, end: int) -> Candidate:
 def _best_of(
     state: FlightState, path: Path, ends: Sequence[int], last: int, max_waypoints: float
 ) -> Candidate:
-    """The first candidate without a fault, else the one with the least; if all are forbidden, the first."""
+    """The best candidate with a circle that touches the path; only if none has room, with one round it."""
+    for offsets in (TOUCHING, ROUND_PATH):
+        best = _best_with(state, path, ends, last, max_waypoints, offsets)
+        if best is not None:
+            return best
+    airspeed = _airspeeds(state, path.until(min(ends[0], last)))[-1]
+    waypoints = waypoints_from_path(
+        path.until(ends[0]), airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state)
+    )
+    return Candidate(waypoints, float(path.times_s[min(ends[0], last)]), (NO_CIRCLE,))
+
+
+def _best_with(
+    state: FlightState, path: Path, ends: Sequence[int], last: int, max_waypoints: float,
+    offsets: Sequence[float],
+) -> Candidate | None:  # fmt: skip
+    """The first candidate without a fault, else the one with the least; if all are forbidden, the first.
+
+    There may be none, because no circle has room.
+    """
     found: list[Candidate] = []
     forbidden: list[Candidate] = []
     for airspeed in _airspeeds(state, path.until(min(ends[0], last))):
-        for candidate in _candidates(state, path, ends, last, airspeed, max_waypoints):
+        for candidate in _candidates(state, path, ends, last, airspeed, max_waypoints, offsets=offsets):
             if candidate.violations:
                 forbidden.append(candidate)
                 continue
@@ -199,12 +218,7 @@ def _best_of(
         best = min(found, key=_rank, default=None)
         if best is not None and not best.faults.is_serious:
             return best
-    if not found and not forbidden:
-        waypoints = waypoints_from_path(
-            path.until(ends[0]), airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state)
-        )
-        forbidden = [Candidate(waypoints, float(path.times_s[min(ends[0], last)]), (NO_CIRCLE,))]
-    return min(found, key=_rank) if found else forbidden[0]
+    return min(found, key=_rank) if found else next(iter(forbidden), None)
 
 
 def _airspeeds(state: FlightState, part: Path) -> list[float]:
@@ -220,8 +234,9 @@ def _rank(candidate: Candidate) -> tuple[bool, Faults]:
 
 
 def _candidates(
-    state: FlightState, path: Path, ends: Sequence[int], last: int, airspeed_m_s: float, max_waypoints: float
-) -> Iterator[Candidate]:
+    state: FlightState, path: Path, ends: Sequence[int], last: int, airspeed_m_s: float, max_waypoints: float,
+    *, offsets: Sequence[float],
+) -> Iterator[Candidate]:  # fmt: skip
     """Missions that end at some rows, in that order, each flown over in simulation.
 
     An end is left out where no circle has room, or where an earlier candidate broke a rule before it.
@@ -231,7 +246,7 @@ def _candidates(
     radii = dict.fromkeys(
         (vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m)
     )
-    circles = [_circles(state, path, np.array(ends), radius) for radius in radii]
+    circles = [_circles(state, path, np.array(ends), radius, offsets) for radius in radii]
     pairs = [
         (end, circle)
         for number, end in enumerate(ends)
@@ -281,12 +296,14 @@ def _with_room(candidate: Candidate, max_waypoints: float) -> Candidate:
     return candidate._replace(violations=(NO_ROOM,), valid_until_m=min(candidate.valid_until_m, valid_until))
 
 
-def _circles(state: FlightState, path: Path, rows: IntArray, radius_m: float) -> list[list[Circle]]:
+def _circles(
+    state: FlightState, path: Path, rows: IntArray, radius_m: float, offsets: Sequence[float]
+) -> list[list[Circle]]:
     """Circles that have room at ``rows`` (N,) of a path, in hot air, too, where ArduPlane's are wider."""
     limits = state.rules.checker.limits
     return circles_along(
         path.positions_enu_m[rows], path.courses_rad[rows], radius_m * _hot_stretch(state),
-        state.rules.obstacles, limits.bounds, limits.margin_m,
+        state.rules.obstacles, limits.bounds, limits.margin_m, offsets=offsets,
     )  # fmt: skip
 
 
