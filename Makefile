@@ -165,6 +165,10 @@ team-goals: $(STAMP) ## fly N (50) teams of four that share goals, of which one 
 team-maps: $(STAMP) ## fly N (50) teams of two to eight over random maps, paper-2d and city-block, with shared plans and without
 	$(BIN)/python -m tests.mission.team maps -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
 
+.PHONY: team-streets
+team-streets: $(STAMP) ## fly N (50) teams in streets that one circle fills, in the wind, a fifth of messages lost
+	$(BIN)/python -m tests.mission.team streets -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)
+
 .PHONY: team-torture
 team-torture: $(STAMP) ## fly N (50) teams whose pilots switch modes, whose members are gone and whose radios fall silent
 	$(BIN)/python -m tests.mission.team disturbed -n $(if $(filter file,$(origin N)),50,$(N)) --jobs $(patsubst logical,1,$(JOBS)) $(FLAGS)

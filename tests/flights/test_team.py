@@ -19,6 +19,8 @@ from tests.flight.replanning.test_surprise import LONG, ahead
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
 from tests.mission.team.shared_goal_flights import flown as flown_without_one
 from tests.mission.team.shared_goal_flights import mission_of
+from tests.mission.team.street_flights import PlacedTeam
+from tests.mission.team.street_flights import flown as in_streets
 from tests.sim.client import CONFIGS
 
 FENCED_S = 30.0
@@ -88,30 +90,9 @@ def test_of_two_that_come_to_a_narrow_gap_from_both_sides_one_lets_the_other_pas
     assert abs(passed_s[0] - passed_s[1]) > 8.0
 
 
-class Corridor(TeamFlight):
-    """Member 1 flies to the middle of a corridor, and member 2 through it: a circle there leaves no room."""
-
-    ends = ((1200.0, 2100.0), (0.0, 3500.0))  # Where each begins, and its goal, east [m].
-
-    def missions(self):
-        """Both fly along the corridor's middle."""
-        return [
-            mission.model_copy(
-                update={
-                    "start": mission.start.model_copy(
-                        update={
-                            "east_m": begin,
-                            "north_m": 0.0,
-                            "course_deg": math.copysign(90.0, end - begin),
-                        }
-                    ),
-                    "goals": (mission.goals[0].model_copy(update={"east_m": end, "north_m": 0.0}),),
-                }
-            )
-            for mission, (begin, end) in zip(super().missions(), self.ends, strict=True)
-        ]
-
-
+# A circle in a corridor leaves no room. Member 1 flies to its middle, and member 2 through it.
+THROUGH = ((1200.0, 0.0, 90.0, 2100.0, 0.0), (0.0, 0.0, 90.0, 3500.0, 0.0))
+HEAD_ON = ((1000.0, 0.0, 90.0, 4000.0, 0.0), (2400.0, 0.0, 270.0, -700.0, 0.0))  # Both begin in a longer one.
 CORRIDOR = LONG.replace(
     "east_m: [-6000, 6000], north_m: [-6000, 6000]", "east_m: [-1600, 4600], north_m: [-1500, 1500]"
 ) + "obstacles:\n" + "".join(
@@ -129,7 +110,7 @@ def test_a_member_that_has_arrived_moves_for_one_whose_goal_lies_behind_its_circ
         monkeypatch.setattr(replanning, "BARRED_S", math.inf)
     mission = mission_from_text(CORRIDOR, "corridor.yaml")
     weather = mission.simulation.model_copy(update={"radio_loss": 0.2})
-    team = Corridor(mission.model_copy(update={"simulation": weather}), 2, 1)
+    team = PlacedTeam(mission.model_copy(update={"simulation": weather}), 2, 1, places=THROUGH)
     fly_team(team)
     assert sorted(team.arrived_s) == ([1, 2] if moves else [1])
     assert team.is_separate
@@ -137,12 +118,6 @@ def test_a_member_that_has_arrived_moves_for_one_whose_goal_lies_behind_its_circ
     told = [decision.told for decision in team.flights[0].recorder.decisions]
     assert ("Moving aside: system 2 has to pass" in told) is moves
     assert ("Out of the way, planner is done" in told) is moves
-
-
-class HeadOn(Corridor):
-    """Both begin in a long corridor, and each circle leaves the other no room to its goal."""
-
-    ends = ((1000.0, 4000.0), (2400.0, -700.0))
 
 
 @pytest.mark.thorough
@@ -155,13 +130,19 @@ def test_of_two_that_bar_each_other_one_moves_and_flies_its_goal_afterwards(dial
         monkeypatch.setattr(replanning, "BARRED_S", math.inf)
     mission = mission_from_text(CORRIDOR.replace("[1500, ", "[300, ").replace("[2900, ", "[3100, "), "c.yaml")
     weather = mission.simulation.model_copy(update={"radio_loss": 0.2})
-    team = HeadOn(mission.model_copy(update={"simulation": weather}), 2, 2, dialect)
+    team = PlacedTeam(mission.model_copy(update={"simulation": weather}), 2, 2, dialect, places=HEAD_ON)
     fly_team(team)
     assert sorted(team.arrived_s) == ([1, 2] if moves else [])
     assert team.is_separate
     assert team.hit_s == {}
     told = [decision.told for flight in team.flights for decision in flight.recorder.decisions]
     assert any(text.startswith("Moving aside") for text in told) is moves
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [6, 8, 13])
+def test_all_arrive_in_streets_that_one_circle_fills(seed):
+    assert in_streets(seed).is_kept
 
 
 @pytest.mark.slow

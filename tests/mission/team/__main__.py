@@ -1,4 +1,4 @@
-"""``python -m tests.mission.team``: teams of which one is gone, over maps, disturbed; the cost of others."""
+"""``python -m tests.mission.team``: teams of which one is gone, over maps, in streets, disturbed."""
 
 import argparse
 import dataclasses
@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 from companion.types.events import Dialect
-from tests.mission.team import disturbed_flights, hearing_cost, map_flights, planning_cost
+from tests.mission.team import disturbed_flights, hearing_cost, map_flights, planning_cost, street_flights
 from tests.mission.team.shared_goal_flights import flown
 
 
@@ -40,6 +40,16 @@ def map_words(outcomes):
     )
 
 
+def street_words(outcomes):
+    """What became of flights in streets."""
+    kept, moved = sum(each.is_kept for each in outcomes), sum(each.moved for each in outcomes)
+    last_s = max(each.last_s for each in outcomes)
+    return (
+        f"{len(outcomes)} flights: {kept} arrived, apart and unhurt, the last after {last_s:.0f} s; {moved} "
+        f"times one moved out of another one's way"
+    )
+
+
 def disturbed_words(outcomes):
     """What became of flights that something happened to."""
     kept = sum(each.is_kept for each in outcomes)
@@ -49,7 +59,9 @@ def disturbed_words(outcomes):
 def main():
     """Fly them, and end with 1 if one goes wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="?", default="gone", choices=("gone", "maps", "disturbed", "cost"))
+    parser.add_argument(
+        "what", nargs="?", default="gone", choices=("gone", "maps", "streets", "disturbed", "cost")
+    )
     parser.add_argument("-n", type=int, default=50, help="flights")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1, help="flights at once")
@@ -65,6 +77,8 @@ def main():
     fly, words = (partial(flown, dialect=dialect), gone_words)
     if chosen.what == "maps":
         fly, words = map_flights.flown, map_words
+    elif chosen.what == "streets":
+        fly, words = street_flights.flown, street_words
     elif chosen.what == "disturbed":
         fly, words = disturbed_flights.flown, disturbed_words
     outcomes = []
