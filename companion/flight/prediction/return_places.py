@@ -98,27 +98,16 @@ def begin_return(
     current : MissionCurrent
         The item of it that is flown.
     """
-    flown = flown_return(flight.state, ownship, stored, current)
+    flown = _flown_return(flight.state, ownship, stored, current)
     flight.apply(after_return_begun, stored.place, flown, is_landing=stored.is_landing)
 
 
-def flown_return(
+def _flown_return(
     state: FlightState, ownship: Ownship, stored: ReturnMission, current: MissionCurrent
 ) -> FlownPath | None:
     """Return the return path as the flown path; None if the rest of it does not pass the check of a plan.
 
     A return path may turn sooner behind the flown part than a plan would.
-
-    Parameters
-    ----------
-    state : FlightState
-        The autopilot's list, and the rules.
-    ownship : Ownship
-        The aircraft now.
-    stored : ReturnMission
-        The return path, which is in the list.
-    current : MissionCurrent
-        The item of it that is flown.
     """
     first = 0 if state.mission_list.layout is None else state.mission_list.layout.return_span[0]
     entry = current.sequence - (current.sequence - first) % RETURN_ITEMS

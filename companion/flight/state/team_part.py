@@ -53,8 +53,8 @@ def new_agreement(state: FlightState, system_id: int, utc_s: float) -> Agreement
 
 
 def is_available(state: FlightState) -> bool:
-    """Return whether a member flies goals of the team: the pilot leaves it to the service, on no return."""
-    return state.mode in AVAILABLE and not state.is_returning
+    """Return whether a member flies goals of the team: the pilot leaves it to the service."""
+    return state.mode in AVAILABLE
 
 
 def take_goals(flight: StateOwner, won: Sequence[int], *, is_over: bool) -> bool:

@@ -10,7 +10,7 @@ from companion.flight.state.flight_state import (
 )
 from companion.flight.state.goals_state import after_auction, after_goal_added, after_return_begun
 from companion.flight.state.modes import Mode, ModeEvent
-from companion.flight.state.team_part import is_available, reached_goals
+from companion.flight.state.team_part import reached_goals
 from tests.flight.construction.test_cycle import OPEN, TWO_GOALS
 from tests.flight.construction.test_cycle import state as ownship_at
 from tests.flight.state.test_flight_state import begun
@@ -97,14 +97,10 @@ def test_goals_that_are_won_on_the_way_to_a_place_that_was_added_follow_it():
     assert (more.goals, more.next_goal, more.next_own) == (goals, 1, None)
 
 
-def test_goals_that_are_left_at_a_return_are_not_reported_as_flown_and_others_fly_them():
+def test_goals_that_are_left_at_a_return_are_given_up_and_not_reached():
     state = replace(begun(TWO_GOALS), next_goal=1, mode=Mode.ACTIVE)
-    assert is_available(state)
     state = after_return_begun(state, state.region_at(ASIDE), None, is_landing=False)
-    assert not is_available(state)
-    assert reached_goals(state) == (0,)
-    state = after_auction(state, (), is_over=False)
     assert [goal.position_enu_m for goal in state.goals_left] == [ASIDE]
     at_end = after_position(state, ownship_at(ASIDE[0], ASIDE[1]))
-    assert (at_end.goals_left, at_end.is_returning, reached_goals(at_end)) == ((), True, (0,))
+    assert (at_end.goals_left, at_end.is_returning) == ((), True)
     assert at_end.num_done > at_end.num_reached == 1
