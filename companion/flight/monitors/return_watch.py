@@ -19,13 +19,16 @@ from companion.types.mission import MissionItem
 from companion.types.state import Ownship
 
 LOOK_S = 1.0  # Period of the judgement; another list of items is judged at once.
-UNSAFE_S, SAFE_S = 3.0, 8.0  # A return is called unsafe, and safe again, once it was so for these times.
+UNSAFE_S = 3.0  # A return is called unsafe once it was so for this time.
 NO_TRACK: FloatArray = np.empty((0, 3))
 WATCHED = frozenset({Mode.DEPARTING, Mode.ACTIVE})
 
 
 class ReturnWatch:
     """Informs the pilot when a return to launch would lead too near to something, and when not any more.
+
+    A return is called safe again once it was safe for the time of a lap. Else each lap of a circle from one
+    side of which it is unsafe would bring two texts.
 
     Parameters
     ----------
@@ -71,7 +74,7 @@ class ReturnWatch:
         near = self._violations(state, ownship)
         if bool(near) is self._was_safe:
             self._was_safe, self._since_s = not near, now_s
-        lasts_s = SAFE_S if self._was_safe else UNSAFE_S
+        lasts_s = _lap_s(state) if self._was_safe else UNSAFE_S
         if self._was_safe is self.is_safe or now_s - self._since_s < lasts_s:
             return
         self.is_safe = self._was_safe
@@ -87,3 +90,8 @@ class ReturnWatch:
         tracks = return_tracks(state, ownship, self._link.current) or []
         self.track_enu_m = tracks[0] if tracks else NO_TRACK
         return [entry for entry in violations_of(state, tracks) if entry.rule == "clearance"]
+
+
+def _lap_s(state: FlightState) -> float:
+    """Return the time of one lap of a circle, during which a return may be unsafe from one side alone [s]."""
+    return 2.0 * math.pi * float(state.turn_radius_m) / float(state.rules.vehicle.airspeed_cruise_m_s)

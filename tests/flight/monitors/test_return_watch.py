@@ -1,8 +1,14 @@
 """Where a return from here would lead: what is announced in flight, beside the return itself."""
 
+import math
+from types import SimpleNamespace
+
 import pytest
 
+from companion.assurance.violation import Violation
 from companion.config import load_mission
+from companion.flight.monitors import return_watch
+from companion.flight.state.modes import Mode
 from companion.types.events import Dialect
 from tests.flight.test_app import at, both, switch
 from tests.sim.client import CONFIGS
@@ -59,3 +65,27 @@ def test_an_autopilot_that_joins_no_return_path_is_noticed(monkeypatch, knows_pa
     assert harness.texts("return").count("RTL does not join the return path") == (not knows_paths)
     sent = [message.text for _, message in harness.said("STATUSTEXT")]
     assert ("RTL is straight, not by the checked path" in sent) is not knows_paths
+
+
+def test_in_a_circle_from_one_side_of_which_it_is_not_safe_that_is_read_once(monkeypatch):
+    """Three laps of 40 s, each not safe for 12 s; then it is safe for good."""
+    wall = Violation("clearance", 0, 4.0, 15.0, "distance to wall [m]")
+    monkeypatch.setattr(return_watch, "return_tracks", lambda *_: [])
+    monkeypatch.setattr(return_watch, "violations_of", lambda state, _: [wall] if state.is_towards else [])
+    state = SimpleNamespace(
+        mode=Mode.ACTIVE, phase=SimpleNamespace(is_airborne=True), is_towards=False, turn_radius_m=150.0,
+        mission_list=SimpleNamespace(stored=()),
+        rules=SimpleNamespace(vehicle=SimpleNamespace(airspeed_cruise_m_s=22.0)),
+    )  # fmt: skip
+    told = []
+    watch = return_watch.ReturnWatch(
+        SimpleNamespace(state=state),
+        SimpleNamespace(ownship=SimpleNamespace(state=lambda now_s: now_s)),
+        SimpleNamespace(current=None),
+        SimpleNamespace(decide=lambda _kind, _text, *, tell, **_more: told.append((now_s, tell))),
+    )
+    for now_s in range(200):
+        state.is_towards = now_s < 120 and now_s % 40 < 12
+        watch.look(float(now_s))
+    lap_s = 2.0 * math.pi * 150.0 / 22.0
+    assert told == [(3, "return unsafe"), (92 + math.ceil(lap_s), "return safe")]
