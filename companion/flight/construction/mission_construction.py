@@ -39,7 +39,6 @@ from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
 from companion.frames import FloatArray
-from companion.kernels.arrays import IntArray
 from companion.mission.loiter import ROUND_PATH, TOUCHING, Circle, circles_along
 from companion.mission.waypoints import (
     HEIGHT_TOLERANCE_M,
@@ -115,6 +114,21 @@ class ConstructedMission:
     enters_at: int | None = None
 
 
+class Circles(NamedTuple):
+    """The circles in which a mission may end.
+
+    Parameters
+    ----------
+    offsets : sequence of float
+        Offsets of their centres from the path, to the right, as shares of the radius.
+    is_taken : bool
+        Whether an aircraft on a known route comes near.
+    """
+
+    offsets: Sequence[float]
+    is_taken: bool = False
+
+
 class Candidate(NamedTuple):
     """A mission that may be flown, and what is wrong with it.
 
@@ -185,11 +199,17 @@ def construct_until(state: FlightState, path: Path, end: int) -> Candidate:
 def _best_of(
     state: FlightState, path: Path, ends: Sequence[int], last: int, max_waypoints: float
 ) -> Candidate:
-    """The best candidate with a circle that touches the path; only if none has room, with one round it."""
-    for offsets in (TOUCHING, ROUND_PATH):
-        best = _best_with(state, path, ends, last, max_waypoints, offsets)
-        if best is not None:
-            return best
+    """The best candidate; circles that touch the path and are free come first, then free ones round it.
+
+    Circles that an aircraft on a known route comes near are tried only if nothing else may be flown.
+    """
+    best = None
+    for circles in (Circles(TOUCHING), Circles(ROUND_PATH), Circles(TOUCHING, is_taken=True)):
+        if best is None or (circles.is_taken and best.violations):
+            other = _best_with(state, path, ends, last, max_waypoints, circles)
+            best = best if other is None or (best is not None and other.violations) else other
+    if best is not None:
+        return best
     airspeed = _airspeeds(state, path.until(min(ends[0], last)))[-1]
     waypoints = waypoints_from_path(
         path.until(ends[0]), airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state)
@@ -198,9 +218,8 @@ def _best_of(
 
 
 def _best_with(
-    state: FlightState, path: Path, ends: Sequence[int], last: int, max_waypoints: float,
-    offsets: Sequence[float],
-) -> Candidate | None:  # fmt: skip
+    state: FlightState, path: Path, ends: Sequence[int], last: int, max_waypoints: float, circles: Circles
+) -> Candidate | None:
     """The first candidate without a fault, else the one with the least; if all are forbidden, the first.
 
     There may be none, because no circle has room.
@@ -208,7 +227,7 @@ def _best_with(
     found: list[Candidate] = []
     forbidden: list[Candidate] = []
     for airspeed in _airspeeds(state, path.until(min(ends[0], last))):
-        for candidate in _candidates(state, path, ends, last, airspeed, max_waypoints, offsets=offsets):
+        for candidate in _candidates(state, path, ends, last, airspeed, max_waypoints, circles=circles):
             if candidate.violations:
                 forbidden.append(candidate)
                 continue
@@ -235,30 +254,24 @@ def _rank(candidate: Candidate) -> tuple[bool, Faults]:
 
 def _candidates(
     state: FlightState, path: Path, ends: Sequence[int], last: int, airspeed_m_s: float, max_waypoints: float,
-    *, offsets: Sequence[float],
+    *, circles: Circles,
 ) -> Iterator[Candidate]:  # fmt: skip
     """Missions that end at some rows, in that order, each flown over in simulation.
 
-    An end is left out where no circle has room, or where an earlier candidate broke a rule before it.
+    An end is left out where no circle has room, or where an earlier candidate broke a rule before it. At the
+    end where the operator's items follow, no circle is flown.
     """
     slowed = airspeed_at_end(path.until(ends[0]), state.rules.vehicle, airspeed_m_s)
-    vehicle = state.rules.vehicle.at_speed(slowed)
-    radii = dict.fromkeys(
-        (vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m)
-    )
-    circles = [_circles(state, path, np.array(ends), radius, offsets) for radius in radii]
-    pairs = [
-        (end, circle)
-        for number, end in enumerate(ends)
-        for of_radius in circles
-        for circle in of_radius[number]
-    ]
     goes_on_at = last if _may_go_on(state, path.positions_enu_m[last]) else None
-    travelled, valid_until, num_tried, has_free = path.travelled_m, math.inf, 0, False
-    for end, circle, is_taken in _free_first(state, path, pairs, goes_on_at):
-        if num_tried == ENDS_MAX or (is_taken and has_free):
+    travelled, valid_until, num_tried = path.travelled_m, math.inf, 0
+    for end, circle in _circles_at(state, path, ends, slowed, circles.offsets):
+        if num_tried == ENDS_MAX:
             return
-        if travelled[end] >= valid_until:
+        arrival_s = float(path.times_s[end])
+        is_taken = end != goes_on_at and is_circle_taken(
+            state, circle.centre_enu_m, circle.radius_m, arrival_s
+        )
+        if is_taken is not circles.is_taken or travelled[end] >= valid_until:
             continue
         if any(state.rules.checker.circle_violations(circle.centre_enu_m, circle.radius_m, end)):
             continue
@@ -266,25 +279,7 @@ def _candidates(
         candidate = _with_room(candidate, max_waypoints)
         valid_until = min(valid_until, candidate.valid_until_m)
         num_tried += 1
-        has_free |= not candidate.violations
         yield candidate._replace(covered_until_s=float(path.times_s[min(end, last)]))
-
-
-def _free_first(
-    state: FlightState, path: Path, pairs: Sequence[tuple[int, Circle]], goes_on_at: int | None
-) -> Iterator[tuple[int, Circle, bool]]:
-    """Ends of a path with circles, and whether an aircraft on a known route comes near; those come last.
-
-    At the end where the operator's items follow, no circle is flown.
-    """
-    taken = []
-    for end, circle in pairs:
-        arrival_s = float(path.times_s[end])
-        if end != goes_on_at and is_circle_taken(state, circle.centre_enu_m, circle.radius_m, arrival_s):
-            taken.append((end, circle, True))
-        else:
-            yield end, circle, False
-    yield from taken
 
 
 def _with_room(candidate: Candidate, max_waypoints: float) -> Candidate:
@@ -296,15 +291,23 @@ def _with_room(candidate: Candidate, max_waypoints: float) -> Candidate:
     return candidate._replace(violations=(NO_ROOM,), valid_until_m=min(candidate.valid_until_m, valid_until))
 
 
-def _circles(
-    state: FlightState, path: Path, rows: IntArray, radius_m: float, offsets: Sequence[float]
-) -> list[list[Circle]]:
-    """Circles that have room at ``rows`` (N,) of a path, in hot air, too, where ArduPlane's are wider."""
-    limits = state.rules.checker.limits
-    return circles_along(
-        path.positions_enu_m[rows], path.courses_rad[rows], radius_m * _hot_stretch(state),
-        state.rules.obstacles, limits.bounds, limits.margin_m, offsets=offsets,
-    )  # fmt: skip
+def _circles_at(
+    state: FlightState, path: Path, ends: Sequence[int], slowed_m_s: float, offsets: Sequence[float]
+) -> Iterator[tuple[int, Circle]]:
+    """Yield circles that have room at some rows of a path, in hot air, too, where ArduPlane's are wider."""
+    limits, rows = state.rules.checker.limits, np.array(ends)
+    vehicle = state.rules.vehicle.at_speed(slowed_m_s)
+    radii = dict.fromkeys(
+        (vehicle.turn_radius_in(math.hypot(*state.wind_enu_m_s)), vehicle.turn_radius_min_m)
+    )
+    found = [
+        circles_along(
+            path.positions_enu_m[rows], path.courses_rad[rows], radius_m * _hot_stretch(state),
+            state.rules.obstacles, limits.bounds, limits.margin_m, offsets=offsets,
+        )
+        for radius_m in radii
+    ]  # fmt: skip
+    return ((end, circle) for k, end in enumerate(ends) for of_radius in found for circle in of_radius[k])
 
 
 def _hot_stretch(state: FlightState) -> float:

@@ -70,6 +70,19 @@ def test_a_goal_between_circles_of_others_is_passed_to_a_circle_that_is_free(sid
         assert np.hypot(centre[0] - 1500.0, centre[1] - north) > abs(radius) + 100.0 + 165.0
 
 
+def test_between_two_rows_of_circles_only_one_round_the_path_is_free():
+    """One that touches the path would be nearer to a row by its radius."""
+    rows = [(east, north) for east in range(0, 2100, 100) for north in (-420.0, 420.0)]
+    others = tuple(circling(2 + number, float(east), north) for number, (east, north) in enumerate(rows))
+    state = replace(begun("team: {members: [1, 2, 3]}"), picture=ThreatPicture(tracks=others))
+    found = construct(state, straight(), 37)
+    centre, radius = found.waypoints.circle
+    assert (found.violations, found.faults.at_end) == ((), False)
+    assert found.covered_until_s == pytest.approx(60.0)
+    assert abs(centre[1]) < 1.0
+    assert 420.0 - abs(radius) < abs(radius) + 100.0 + 165.0 < 420.0  # Beside the path, and round it.
+
+
 @pytest.mark.parametrize("landing", [(2500.0, 0.0, 80.0), None])
 def test_at_a_goal_that_a_landing_follows_nobody_circles(landing):
     """Then the circles of others count only for what ends before the goal."""
