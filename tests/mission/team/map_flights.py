@@ -15,12 +15,8 @@ LOSS = 0.2
 
 
 @dataclass
-class Outcome:
-    """What became of a team, and of the same aircraft that do not share their plans.
-
-    ``ratios`` are the members' arrivals over those of the same member alone; ``error`` is what ended the
-    service.
-    """
+class TeamOutcome:
+    """What became of a team; ``error`` is what ended the service."""
 
     seed: int
     world: str
@@ -30,15 +26,30 @@ class Outcome:
     is_separate: bool = False
     has_hit: bool = False
     nearest_m: float = 0.0
-    ratios: list[float] = field(default_factory=list)
-    bytes_s: float = 0.0
-    is_separate_alone: bool = True
     error: str = ""
 
     @property
     def is_kept(self):
         """Whether all arrived, apart and unhurt."""
         return self.arrived == self.num and self.is_separate and not self.has_hit and not self.error
+
+    def note(self, team):
+        """Note what became of a team that was flown."""
+        self.num, self.arrived, self.is_separate = team.num, len(team.arrived_s), team.is_separate
+        self.has_hit = bool(team.hit_s)
+        self.nearest_m = round(min(flat for flat, _, _ in team.least_m.values()), 1)
+
+
+@dataclass
+class Outcome(TeamOutcome):
+    """What became of a team, and of the same aircraft that do not share their plans.
+
+    ``ratios`` are the members' arrivals over those of the same member alone.
+    """
+
+    ratios: list[float] = field(default_factory=list)
+    bytes_s: float = 0.0
+    is_separate_alone: bool = True
 
 
 def scenario(seed):
@@ -66,9 +77,7 @@ def flown(seed):
     except Exception as error:  # Whatever it is, it is what is looked for.
         outcome.error = repr(error)
         return outcome
-    outcome.num, outcome.arrived, outcome.is_separate = team.num, len(team.arrived_s), team.is_separate
-    outcome.has_hit = bool(team.hit_s)
-    outcome.nearest_m = round(min(flat for flat, _, _ in team.least_m.values()), 1)
+    outcome.note(team)
     outcome.bytes_s = max(team.summary()["bytes_s"])
     outcome.ratios = [
         round(at_s / alone.arrived_s[number], 3)

@@ -11,11 +11,11 @@ from companion.config.sections.team_section import TeamConfig
 from companion.types.events import Dialect
 from sim.team.team_flight import TeamFlight, fly_team
 from tests.flight.replanning.test_surprise import LONG
+from tests.mission.team import map_flights
 
 BLOCKS, BLOCK_M = 4, 600.0  # Blocks a side, and the side of each.
 WIDTHS_M, WINDS_M_S, NUMS = (330.0, 400.0), (0.0, 6.0), (3, 4)  # Of streets, of the mean wind, of aircraft.
 LEAST_APART_M, LEAST_WAY_M, CORNER_M = 600.0, 700.0, 250.0
-LOSS = 0.2
 BLOCK = """  - name: block_{0}
     polygon_enu_m: [[{1}, {2}], [{3}, {2}], [{3}, {4}], [{1}, {4}]]
     base_m: 0
@@ -51,25 +51,16 @@ class PlacedTeam(TeamFlight):
 
 
 @dataclass
-class Outcome:
-    """What became of a team in the streets; ``moved`` counts who moved out of another one's way."""
+class Outcome(map_flights.TeamOutcome):
+    """What became of a team in the streets.
 
-    seed: int
-    dialect: str
-    width_m: float
-    wind_m_s: float
-    num: int
-    arrived: int = 0
-    is_separate: bool = False
-    has_hit: bool = False
+    ``moved`` counts who moved out of another one's way, and ``last_s`` is when the last one arrived.
+    """
+
+    width_m: float = 0.0
+    wind_m_s: float = 0.0
     moved: int = 0
     last_s: float = 0.0
-    error: str = ""
-
-    @property
-    def is_kept(self):
-        """Whether all arrived, apart and unhurt."""
-        return self.arrived == self.num and self.is_separate and not self.has_hit and not self.error
 
 
 def in_streets(rng, width_m):
@@ -107,7 +98,7 @@ def mission_of(width_m, wind_m_s):
     ]
     text = LONG.replace("east_m: [-6000, 6000], north_m: [-6000, 6000]", f"east_m: {side}, north_m: {side}")
     mission = mission_from_text(text + "obstacles:\n" + "".join(blocks), "streets.yaml")
-    weather = {"radio_loss": LOSS, "wind_speed_m_s": wind_m_s, "wind_from_deg": 40.0}
+    weather = {"radio_loss": map_flights.LOSS, "wind_speed_m_s": wind_m_s, "wind_from_deg": 40.0}
     return mission.model_copy(update={"simulation": mission.simulation.model_copy(update=weather)})
 
 
@@ -115,7 +106,7 @@ def flown(seed):
     """Fly a seed."""
     dialect, width_m = list(Dialect)[seed % 2], WIDTHS_M[seed // 2 % 2]
     wind_m_s, num = WINDS_M_S[seed // 4 % 2], NUMS[seed // 8 % 2]
-    outcome = Outcome(seed, dialect.value, width_m, wind_m_s, num)
+    outcome = Outcome(seed, "streets", dialect.value, num, width_m=width_m, wind_m_s=wind_m_s)
     places = places_of(seed, num, width_m)
     try:
         team = PlacedTeam(mission_of(width_m, wind_m_s), num, seed, dialect, places=places)
@@ -123,9 +114,7 @@ def flown(seed):
     except Exception as error:  # Whatever it is, it is what is looked for.
         outcome.error = repr(error)
         return outcome
-    outcome.arrived, outcome.is_separate, outcome.has_hit = (
-        len(team.arrived_s), team.is_separate, bool(team.hit_s)
-    )  # fmt: skip
+    outcome.note(team)
     outcome.last_s = max(team.arrived_s.values(), default=0.0)
     texts = [decision.told for flight in team.flights for decision in flight.recorder.decisions]
     outcome.moved = sum(text.startswith("Moving aside") for text in texts)
