@@ -44,7 +44,7 @@ def circles_along(
     bounds: tuple[float, float, float, float, float, float], margin_m: float, *,
     offsets: Sequence[float] = TOUCHING,
 ) -> list[list[Circle]]:  # fmt: skip
-    """Return circles that touch a path at given points, on either side, as far as they are clear.
+    """Return circles that touch a path at given points, or lie round them, as far as they are clear.
 
     An aircraft that is sent to circle the point that it is passing overshoots by half a radius. It joins a
     circle beside that point without turning back. Circles with other ``offsets`` lie round the point, and an

@@ -26,9 +26,9 @@ from tests.sim.client import CONFIGS
 FENCED_S = 30.0
 
 
-def flown(mission, num, loss, dialect=Dialect.PX4, seed=1, *, shares=True):
+def flown(mission, num, loss, dialect=Dialect.PX4, seed=1, *, kind=TeamFlight, **more):
     weather = mission.simulation.model_copy(update={"radio_loss": loss})
-    team = TeamFlight(mission.model_copy(update={"simulation": weather}), num, seed, dialect, shares=shares)
+    team = kind(mission.model_copy(update={"simulation": weather}), num, seed, dialect, **more)
     fly_team(team)
     return team
 
@@ -109,9 +109,7 @@ def test_a_member_that_has_arrived_moves_for_one_whose_goal_lies_behind_its_circ
     if not moves:
         monkeypatch.setattr(replanning, "BARRED_S", math.inf)
     mission = mission_from_text(CORRIDOR, "corridor.yaml")
-    weather = mission.simulation.model_copy(update={"radio_loss": 0.2})
-    team = PlacedTeam(mission.model_copy(update={"simulation": weather}), 2, 1, places=THROUGH)
-    fly_team(team)
+    team = flown(mission, 2, 0.2, Dialect.ARDUPILOT, kind=PlacedTeam, places=THROUGH)
     assert sorted(team.arrived_s) == ([1, 2] if moves else [1])
     assert team.is_separate
     assert team.hit_s == {}
@@ -129,9 +127,7 @@ def test_of_two_that_bar_each_other_one_moves_and_flies_its_goal_afterwards(dial
     if not moves:
         monkeypatch.setattr(replanning, "BARRED_S", math.inf)
     mission = mission_from_text(CORRIDOR.replace("[1500, ", "[300, ").replace("[2900, ", "[3100, "), "c.yaml")
-    weather = mission.simulation.model_copy(update={"radio_loss": 0.2})
-    team = PlacedTeam(mission.model_copy(update={"simulation": weather}), 2, 2, dialect, places=HEAD_ON)
-    fly_team(team)
+    team = flown(mission, 2, 0.2, dialect, 2, kind=PlacedTeam, places=HEAD_ON)
     assert sorted(team.arrived_s) == ([1, 2] if moves else [])
     assert team.is_separate
     assert team.hit_s == {}

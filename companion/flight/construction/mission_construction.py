@@ -207,7 +207,8 @@ def _best_of(
     for circles in (Circles(TOUCHING), Circles(ROUND_PATH), Circles(TOUCHING, is_taken=True)):
         if best is None or (circles.is_taken and best.violations):
             other = _best_with(state, path, ends, last, max_waypoints, circles)
-            best = best if other is None or (best is not None and other.violations) else other
+            if best is None or (other is not None and not other.violations):
+                best = other
     if best is not None:
         return best
     airspeed = _airspeeds(state, path.until(min(ends[0], last)))[-1]
@@ -267,11 +268,12 @@ def _candidates(
     for end, circle in _circles_at(state, path, ends, slowed, circles.offsets):
         if num_tried == ENDS_MAX:
             return
-        arrival_s = float(path.times_s[end])
+        if travelled[end] >= valid_until:
+            continue
         is_taken = end != goes_on_at and is_circle_taken(
-            state, circle.centre_enu_m, circle.radius_m, arrival_s
+            state, circle.centre_enu_m, circle.radius_m, float(path.times_s[end])
         )
-        if is_taken is not circles.is_taken or travelled[end] >= valid_until:
+        if is_taken is not circles.is_taken:
             continue
         if any(state.rules.checker.circle_violations(circle.centre_enu_m, circle.radius_m, end)):
             continue

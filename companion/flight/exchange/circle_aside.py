@@ -66,9 +66,10 @@ class CircleAside:
         utc_s : float
             UTC time [s].
         """
-        state, requests = self._flight.state, agreement.requests(utc_s)
+        state = self._flight.state
         if state.next_own is not None and state.goals_left:
             return self._give_up(agreement, utc_s)
+        requests = agreement.requests(utc_s)
         asked = frozenset((plan.member, plan.number) for plan in requests)
         if asked <= self._asked or (state.may_act and state.goals_left and state.flies_to_goal):
             return False

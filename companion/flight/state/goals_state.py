@@ -35,8 +35,8 @@ def after_auction(state: FlightState, won: Sequence[int], *, is_over: bool) -> F
     )  # fmt: skip
     if state.next_own is None or (left and not state.goals_left):
         return after
-    place = after_goal_added(after, state.goals[-1])
-    return place if state.goals_left else replace(place, next_goal=len(place.goals))
+    added = after_goal_added(after, state.goals[-1])
+    return added if state.goals_left else replace(added, next_goal=len(added.goals))
 
 
 def after_goal_added(state: FlightState, place: GoalRegion) -> FlightState:
