@@ -81,6 +81,13 @@ OTHER_AIRCRAFT = {
         "The aircraft circles where another member has to pass, and the planner may not or cannot move it.",
         "Fly elsewhere, or select the mission mode to leave it to the planner.",
     ),
+    "way on taken": PilotText(
+        "team",
+        Severity.NOTICE,
+        "Waiting before the goal: the way on is not free",
+        "Behind the last goal the operator's items follow, and other members fly where these lead.",
+        "Wait. The planner goes on when the way is free.",
+    ),
     "moved aside": PilotText(
         "arrived",
         Severity.NOTICE,

@@ -201,7 +201,7 @@ def places_on_route(route: FloatArray, times_s: FloatArray) -> FloatArray:
     ndarray, shape (N, 3)
         East, north, up [m].
     """
-    row = np.clip(np.searchsorted(route[:, 0], times_s, side="right") - 1, 0, len(route) - 2)
+    row = np.searchsorted(route[1:-1, 0], times_s, side="right")
     begins, ends = route[row], route[row + 1]
     share = np.maximum(times_s - begins[:, 0], 0.0) / (ends[:, 0] - begins[:, 0])
     return np.asarray(begins[:, 1:] + share[:, None] * (ends[:, 1:] - begins[:, 1:]))

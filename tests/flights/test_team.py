@@ -9,11 +9,13 @@ import pytest
 import sim.sitl
 from companion.clock import ManualClock
 from companion.config import load_mission, mission_from_text
+from companion.flight.construction import way_behind
 from companion.flight.exchange import announced_plan
 from companion.flight.exchange.announced_plan import WAITS_S
 from companion.flight.replanning import replanning
 from companion.mission.list_layout import TEAM_BANK_ITEMS
 from companion.types.events import Dialect
+from sim.team import team_flight
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG, ahead
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
@@ -68,6 +70,20 @@ def test_without_messages_they_nearly_meet():
     team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.0, shares=False)
     assert not team.is_separate
     assert team.summary()["nearest_m"] < 60.0
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("shares_landing", [True, False], ids=["shared", "not shared"])
+def test_two_whose_landings_cross_fly_to_them_one_after_the_other(shares_landing, monkeypatch):
+    """Each PX4 flies back past the other one's goal. Beside it a flight in which only paths are shared."""
+    monkeypatch.setattr(team_flight, "LINGER_S", 150.0)
+    if not shares_landing:
+        monkeypatch.setattr(way_behind, "_legs_behind", lambda _state: ([], None))
+    team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.2)
+    assert sorted(team.arrived_s) == [1, 2]
+    assert team.is_separate is shares_landing
+    texts = [entry.text for flight in team.flights for entry in flight.recorder.decisions]
+    assert sum("waits before the goal" in text for text in texts) == shares_landing  # One of them.
 
 
 @pytest.mark.thorough

@@ -14,7 +14,12 @@ import numpy as np
 from companion.assurance.emergency import EmergencyOptions, EmergencyStep
 from companion.assurance.violation import Violation, keeps_hard_constraints
 from companion.flight.construction.fallback import Response, flown_violations, respond, respond_by_rally_point
-from companion.flight.construction.mission_construction import Candidate, ConstructedMission, construct
+from companion.flight.construction.mission_construction import (
+    WAY_TAKEN,
+    Candidate,
+    ConstructedMission,
+    construct,
+)
 from companion.flight.construction.way_on import way_on
 from companion.flight.state.decision import (
     SwapDecision,
@@ -51,11 +56,14 @@ class Conclusion:
         The mission to be handed over; None if there is none.
     is_unflyable : bool
         Whether the plan would be flown, but no mission can fly it.
+    is_waiting : bool
+        Whether the aircraft waits before the goal until the way on behind it is free.
     """
 
     decision: SwapDecision
     constructed: ConstructedMission | None = None
     is_unflyable: bool = False
+    is_waiting: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +95,8 @@ def flown_passes(state: FlightState, start: Start) -> bool:
 def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -> Conclusion:
     """Judge a plan, and construct its mission if it is to be flown.
 
-    A plan that a mission can only fly more slowly is judged again, because it is later everywhere.
+    A plan that a mission can only fly more slowly is judged again, because it is later everywhere. Where the
+    aircraft has to wait before the goal, only the path to there is flown.
 
     Parameters
     ----------
@@ -107,9 +116,9 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
     if decision.verdict is Verdict.EXTEND and decision.holds_flown and start.rest is not None:
         paths.insert(0, (start.rest, plan.flown_cost or plan.cost))
     (path, cost), found = _first_flyable(state, paths)
-    if found.violations:
-        refused = SwapDecision(Verdict.REJECTED, f"mission: {found.violations[0]}", decision.why)
-        return Conclusion(refused, is_unflyable=True)
+    if wrong := _wrong_with(state, found, start):
+        refused = SwapDecision(Verdict.REJECTED, f"mission: {wrong[0]}", decision.why)
+        return Conclusion(refused, is_unflyable=True, is_waiting=found.is_waiting)
     waypoints, covered_until_s = found.waypoints, found.covered_until_s
     slower = slowed_path(path, waypoints.airspeed_m_s)
     if slower is not path:
@@ -118,6 +127,8 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
         decision = judge(state, replace(plan, path=path, pursuit=risk), start)
         if not decision.verdict.is_swap:
             return Conclusion(decision)
+    if found.is_waiting:
+        path = path.until(int(np.searchsorted(path.times_s, covered_until_s)))
     part = mission_part(
         waypoints, state.mission.frame, state.rules.vehicle.airspeed_cruise_m_s,
         way_on(state, path, waypoints, covered_until_s, snapshot),
@@ -125,7 +136,14 @@ def conclude(state: FlightState, plan: Plan, start: Start, snapshot: Snapshot) -
     constructed = ConstructedMission(
         path, waypoints, part, covered_until_s, start, decision.verdict, decision.text, decision.why, cost
     )
-    return Conclusion(decision, constructed)
+    return Conclusion(decision, constructed, is_waiting=found.is_waiting)
+
+
+def _wrong_with(state: FlightState, found: Candidate, start: Start) -> tuple[Violation, ...]:
+    """Return why a mission is not flown; an aircraft that waits before the goal already keeps its circle."""
+    if found.is_waiting and not state.flies_to_goal and flown_passes(state, start):
+        return (WAY_TAKEN,)
+    return found.violations
 
 
 def _first_flyable(

@@ -35,6 +35,7 @@ from companion.flight.construction.mission_simulation import (
     lacking_in_other_winds,
     simulated,
 )
+from companion.flight.construction.way_behind import is_way_on_taken, may_go_on
 from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
@@ -65,10 +66,10 @@ SPACINGS = (1.0, 0.5)  # Waypoints in turns lie as usual first, and half as far 
 CORRECTIONS = 3  # Further corrections move waypoints by less than a metre.
 GAIN = 0.8  # Share of a deviation by which a waypoint is moved against it: less than 1 converges.
 LATE_ENTRY_MAX_M = 130.0  # A late aircraft joins a mission at most so far behind its third waypoint.
-GOAL_TOLERANCE_M = 5.0  # A path reaches the goal if it ends this close to the goal's region.
 SLOWED_M_S = 2.0  # An aircraft this much faster than cruise has to be commanded to slow down.
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 NO_CIRCLE = Violation("ending", 0, 0.0, 0.0, "no circle along the path has room")
+WAY_TAKEN = Violation("ending", 0, 0.0, 0.0, "another member flies where the way on from the goal leads")
 
 Actions = tuple[MissionItem, ...]
 
@@ -144,6 +145,8 @@ class Candidate(NamedTuple):
         What is wrong with its simulated flight.
     valid_until_m : float
         Length of the path beyond which every mission breaks the same rule [m].
+    is_waiting : bool
+        Whether it ends before a goal that is near, because another member flies where the way on leads.
     """
 
     waypoints: Waypoints
@@ -151,6 +154,7 @@ class Candidate(NamedTuple):
     violations: tuple[Violation, ...]
     faults: Faults = NO_FAULTS
     valid_until_m: float = math.inf
+    is_waiting: bool = False
 
 
 def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: bool = False) -> Candidate:
@@ -174,11 +178,19 @@ def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: b
     last = len(path) - 1
     row = min(last, int(np.searchsorted(path.times_s, path.times_s[0] + wanted_s)))
     ends = [row, *range(row + 2, last, 2), last]
-    if not _may_go_on(state, path.positions_enu_m[last]):
+    goes_on = may_go_on(state, path.positions_enu_m[last])
+    if not goes_on:
         path = run_on(path, RUN_ON_M)
         ends += range(last + RUN_ON_ROWS, len(path), RUN_ON_ROWS)
     ends += range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)
-    return _best_of(state, path, list(dict.fromkeys(ends)), last, max_waypoints)
+    is_waiting = False
+    if goes_on and is_way_on_taken(state, path):
+        ends = [end for end in ends if end < _row_at_goal(state, path)]
+        is_waiting = float(np.ptp(path.times_s)) <= HORIZONS * state.rules.time_horizon_s
+    if not ends:
+        return _refused(state, path, last, WAY_TAKEN)
+    found = _best_of(state, path, list(dict.fromkeys(ends)), last, max_waypoints)
+    return found._replace(is_waiting=is_waiting)
 
 
 def construct_until(state: FlightState, path: Path, end: int) -> Candidate:
@@ -211,11 +223,23 @@ def _best_of(
                 best = other
     if best is not None:
         return best
-    airspeed = _airspeeds(state, path.until(min(ends[0], last)))[-1]
+    return _refused(state, path.until(ends[0]), last, NO_CIRCLE)
+
+
+def _refused(state: FlightState, path: Path, last: int, why: Violation) -> Candidate:
+    """A mission over a path that may not be flown."""
+    airspeed = _airspeeds(state, path.until(last))[-1]
     waypoints = waypoints_from_path(
-        path.until(ends[0]), airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state)
+        path, airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state)
     )
-    return Candidate(waypoints, float(path.times_s[min(ends[0], last)]), (NO_CIRCLE,))
+    return Candidate(waypoints, float(path.times_s[min(len(path) - 1, last)]), (why,))
+
+
+def _row_at_goal(state: FlightState, path: Path) -> int:
+    """The first row of a path at which a circle that touches the path may come near the last goal."""
+    goal = state.goals[-1]
+    near_m = goal.acceptance_radius_m + 2.0 * state.turn_radius_m
+    return int(np.argmax(np.linalg.norm(path.positions_enu_m - goal.position_enu_m, axis=1) <= near_m))
 
 
 def _best_with(
@@ -263,7 +287,7 @@ def _candidates(
     end where the operator's items follow, no circle is flown.
     """
     slowed = airspeed_at_end(path.until(ends[0]), state.rules.vehicle, airspeed_m_s)
-    goes_on_at = last if _may_go_on(state, path.positions_enu_m[last]) else None
+    goes_on_at = last if may_go_on(state, path.positions_enu_m[last]) else None
     travelled, valid_until, num_tried = path.travelled_m, math.inf, 0
     for end, circle in _circles_at(state, path, ends, slowed, circles.offsets):
         if num_tried == ENDS_MAX:
@@ -433,21 +457,6 @@ def _airspeed_again(state: FlightState, part: Path, waypoints: Waypoints) -> int
         return 0
     near = np.flatnonzero(waypoints.distances_m <= float(waypoints.distances_m[:3][-1]) + LATE_ENTRY_MAX_M)
     return int(near[-1])
-
-
-def _may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
-    """Return whether ``last_enu_m`` (3,) [m] is the goal and the leg on to the operator's items is clear."""
-    if state.tail_enu_m is None or not state.continues_behind or not state.goals:
-        return False
-    goal = state.goals[-1]
-    if (
-        np.linalg.norm(last_enu_m - np.asarray(goal.position_enu_m))
-        > goal.acceptance_radius_m + GOAL_TOLERANCE_M
-    ):
-        return False  # The path ends in a safe loiter: the next plan begins there.
-    legs: FloatArray = np.vstack([last_enu_m, state.tail_enu_m])
-    wrong = state.rules.checker.check_legs(legs, ends_in_loiter=True, loiter_radius_m=state.turn_radius_m)
-    return not any(entry.rule == "clearance" for entry in wrong)
 
 
 def _actions_along(state: FlightState, part: Path) -> list[tuple[float, Actions]]:

@@ -240,8 +240,6 @@ def is_circle_exposed(state: FlightState, waypoints: Waypoints, arrival_s: float
 def is_circle_taken(state: FlightState, centre: FloatArray, radius_m: float, arrival_s: float) -> bool:
     """Return whether an aircraft that keeps its route ever comes near a mission's last circle.
 
-    The circle is flown until the next mission is entered, so that all later times count.
-
     Parameters
     ----------
     state : FlightState
@@ -253,13 +251,32 @@ def is_circle_taken(state: FlightState, centre: FloatArray, radius_m: float, arr
     arrival_s : float
         Time of arrival at the circle, by the clock [s].
     """
-    own_m = abs(radius_m) or state.turn_radius_m
+    return is_taken(state, np.array([[arrival_s, *centre]]), abs(radius_m) or state.turn_radius_m)
+
+
+def is_taken(state: FlightState, rows: FloatArray, radius_m: float) -> bool:
+    """Return whether an aircraft that keeps its route comes near a flight, or ever near its last circle.
+
+    The circle is flown until the next mission is entered, so that all later times count.
+
+    Parameters
+    ----------
+    state : FlightState
+        Other aircraft.
+    rows : ndarray, shape (N, 4)
+        Clock reading [s], east, north, up [m]; the last place is the centre of the circle.
+    radius_m : float
+        Radius of the circle [m].
+    """
+    end_s, own_m = float(rows[-1, 0]), np.append(np.zeros(len(rows) - 1), radius_m)
     for track in state.picture.tracks:
         if track.keeps_route and track.route is not None:
-            times = np.arange(arrival_s, max(arrival_s, float(track.route[-1, 0])) + STEP_S, STEP_S)
-            away = track.places_enu_m(times) - centre
+            later = np.arange(end_s, max(end_s, float(track.route[-1, 0])) + STEP_S, STEP_S)
+            times = np.append(rows[:-1, 0], later)
+            at = np.minimum(np.arange(len(times)), len(rows) - 1)
+            away = track.places_enu_m(times) - rows[at, 1:]
             reach_m = track.max_threat_radius_m + track.circles_m(times)
-            is_near = np.hypot(away[:, 0], away[:, 1]) < own_m + reach_m
+            is_near = np.hypot(away[:, 0], away[:, 1]) < own_m[at] + reach_m
             if (is_near & (np.abs(away[:, 2]) < track.clear_up_m)).any():
                 return True
     return False

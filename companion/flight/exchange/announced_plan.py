@@ -1,7 +1,7 @@
 """What a team's member tells the others: the plan of a mission, or what it flies without one.
 
-Before its first plan, in a return, on the operator's items behind the goal, and while a pilot flies, the
-flight mode says where the aircraft flies next. That is announced.
+Before its first plan, in a return, in a landing, and while a pilot flies, the flight mode says where the
+aircraft flies next. That is announced.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from companion.config.sections.team_section import TeamConfig
 from companion.flight.construction.mission_construction import ConstructedMission
+from companion.flight.construction.way_behind import with_way_on
 from companion.flight.prediction.mode_tracks import mode_tracks
 from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S
@@ -20,13 +21,12 @@ from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
 from companion.mission.team.agreement import Agreement
 from companion.mission.team.member_tracks import STOPS_S
-from companion.mission.team.shared_plan import SharedPlan, entering_circle
+from companion.mission.team.shared_plan import SharedPlan, circled, entering_circle
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
 ANNOUNCED_S = 30.0  # The flight is announced this far ahead, and again after half of it.
 CIRCLE_S = 60.0  # An aircraft that circles has come round by then.
-ROUND_S, ROUND_M = 15.0, 30.0  # It has come round if it is so near to where it was so long before.
 OFF_S = 2.0  # An aircraft that is off its plan for so long flies something else.
 STANDS_M_S = 3.0  # An aircraft that is slower than this stands on the ground.
 WAITS_S = 15.0  # Approval takes up to 7 s in a team of eight that loses every fifth message, a turn 8 s.
@@ -67,8 +67,8 @@ def proposed_plan(
 ) -> SharedPlan:
     """Return what is flown from now on: the flown path up to the start, the mission, and its circle.
 
-    If the operator's items follow the goal, there is no circle. They are announced when they are flown.
-    The agreement fills in the plan's member and number.
+    If the operator's items follow the goal, the plan ends where the way on over them does. The agreement
+    fills in the plan's member and number.
 
     Parameters
     ----------
@@ -95,7 +95,9 @@ def proposed_plan(
     is_carried = (path.times_s > now_s) & (path.times_s <= constructed.covered_until_s)
     parts.append(np.column_stack([path.times_s, path.positions_enu_m])[is_carried])
     rows, radius_m = np.vstack(parts), 0.0
-    if not constructed.waypoints.continues_with_operator_items:
+    if constructed.waypoints.continues_with_operator_items:
+        rows, radius_m = with_way_on(state, path, rows)
+    else:
         centre, signed_m = constructed.waypoints.circle
         radius_m = abs(signed_m) or float(state.turn_radius_m)
         away_m = max(math.dist(rows[-1, 1:3], centre[:2]) - radius_m, 0.0)
@@ -123,35 +125,6 @@ def can_wait(state: FlightState, ownship: Ownship, current: MissionCurrent | Non
     tracks = mode_tracks(state, ownship, current, WAITS_S)
     clear = [is_clear(state, track) for track in tracks.positions_enu_m]
     return any(clear) if tracks.is_steered else all(clear)
-
-
-def circled(rows: FloatArray) -> tuple[FloatArray, float]:
-    """Return the announced rows of a flight, and the radius of the circle in which it ends.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (N, 4)
-        Time [s], east, north, up [m], ``STEP_S`` apart.
-
-    Returns
-    -------
-    rows : ndarray, shape (M, 4)
-        The flight until it stays in its circle, and then the circle's centre; without a circle all of
-        ``ANNOUNCED_S``.
-    radius_m : float
-        Radius of the circle; 0 if it does not circle [m].
-    """
-    before = rows[rows[:, 0] <= rows[-1, 0] - ROUND_S]
-    came_by = np.flatnonzero(np.linalg.norm(before[:, 1:] - rows[-1, 1:], axis=1) < ROUND_M)
-    if not len(came_by):
-        return rows[rows[:, 0] <= rows[0, 0] + ANNOUNCED_S], 0.0
-    loop = rows[came_by[-1] :, 1:]
-    centre = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
-    away = np.hypot(*(rows[:, 1:3] - centre[:2]).T)
-    radius_m = float(away[came_by[-1] :].max())
-    outside = np.flatnonzero(away > radius_m)
-    enters = int(outside[-1]) + 1 if len(outside) else 0
-    return np.vstack([rows[: enters + 1], [rows[enters, 0], *centre]]), radius_m
 
 
 class AnnouncedPlan:
@@ -200,5 +173,5 @@ class AnnouncedPlan:
             UTC less the service's clock [s].
         """
         self._off_since_s = None
-        rows, radius_m = circled(rows + np.array([ahead_s, 0.0, 0.0, 0.0]))
+        rows, radius_m = circled(rows + np.array([ahead_s, 0.0, 0.0, 0.0]), ANNOUNCED_S)
         return SharedPlan(0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m)

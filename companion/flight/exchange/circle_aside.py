@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from companion.flight.construction.way_behind import may_go_on, with_way_on
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind
@@ -25,7 +26,6 @@ from companion.frames import FloatArray
 from companion.mission.team.agreement import Agreement
 from companion.mission.team.separation import PackedPlans, margin_of
 from companion.mission.team.shared_plan import SharedPlan
-from companion.planning.problem import GoalRegion
 from companion.types.events import MissionCurrent, Motion
 from companion.types.path import Path
 
@@ -56,8 +56,9 @@ class CircleAside:
     def look(self, agreement: Agreement, utc_s: float) -> bool:
         """Answer new requests; return whether this member flies to another place from now on.
 
-        Each request is answered once. If the aircraft cannot be moved, its pilot is told. If no mission leads
-        to the circle elsewhere, it is given up, and not tried again from the same circle.
+        Each request is answered once. If the aircraft circles for good and cannot be moved, its pilot is
+        told. If no mission leads to the circle elsewhere, it is given up, and not tried again from the same
+        circle.
 
         Parameters
         ----------
@@ -71,7 +72,7 @@ class CircleAside:
             return self._give_up(agreement, utc_s)
         requests = agreement.requests(utc_s)
         asked = frozenset((plan.member, plan.number) for plan in requests)
-        if asked <= self._asked or (state.may_act and state.goals_left and state.flies_to_goal):
+        if asked <= self._asked or _leaves_by_itself(state):
             return False
         self._asked = asked
         who, place = listed(plan.member for plan in requests), None
@@ -82,7 +83,7 @@ class CircleAside:
             self._decide("in the way", f"in the way of system {who}, and does not move by itself", who)
             return False
         self._until_s = utc_s + ASIDE_S
-        self._flight.apply(after_goal_added, place)
+        self._flight.apply(after_goal_added, state.region_at(place))
         self._decide("moves aside", f"moving out of the way of system {who}", who)
         return True
 
@@ -101,6 +102,13 @@ class CircleAside:
     def _decide(self, tell: str, text: str, who: str) -> None:
         """Record a decision, and tell the pilot who asked."""
         self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
+
+
+def _leaves_by_itself(state: FlightState) -> bool:
+    """Return whether the aircraft flies a mission that leads to a goal, or the operator's items behind it."""
+    if state.goals_left:
+        return state.may_act and state.flies_to_goal
+    return state.continues_behind and state.motion is Motion.MISSION
 
 
 def may_move_aside(
@@ -133,7 +141,7 @@ def may_move_aside(
 
 def circle_aside(
     state: FlightState, agreement: Agreement, requests: Sequence[SharedPlan], utc_s: float
-) -> GoalRegion | None:
+) -> tuple[float, float, float] | None:
     """Return the nearest place whose circle is clear of everything, and of what others request.
 
     Parameters
@@ -149,8 +157,8 @@ def circle_aside(
 
     Returns
     -------
-    GoalRegion or None
-        The place; None if there is none within ``FARTHEST_M``.
+    tuple of float, or None
+        East, north, up of the place [m]; None if there is none within ``FARTHEST_M``.
     """
     flown, config = agreement.committed, state.mission.team
     assert flown is not None  # It circles.
@@ -163,7 +171,7 @@ def circle_aside(
         )
         if plans.first_conflict(circle, utc_s) is None and _is_clear(state, centre, (flown.radius_m, wide_m)):
             east, north, up = (float(value) for value in centre)
-            return state.region_at((east, north, up))
+            return east, north, up
     return None
 
 
@@ -175,15 +183,17 @@ def wanted_plan(state: FlightState, path: Path, utc_s: float) -> SharedPlan:
     state : FlightState
         The state of a team's member.
     path : Path
-        The path, to the place where the aircraft would circle.
+        The path, to the place where the aircraft would circle or fly on with the operator's items.
     utc_s : float
         UTC time [s].
     """
     config = state.mission.team
     assert config is not None  # There is an agreement.
     times = utc_s + path.times_s - path.times_s[0]
-    rows = np.column_stack([times, path.positions_enu_m])
-    return SharedPlan(0, 0, rows, float(state.turn_radius_m), config.tolerance_m, config.tolerance_up_m)
+    rows, radius_m = np.column_stack([times, path.positions_enu_m]), float(state.turn_radius_m)
+    if may_go_on(state, path.positions_enu_m[-1]):
+        rows, radius_m = with_way_on(state, path, rows)
+    return SharedPlan(0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m)
 
 
 def circles_of(agreement: Agreement, utc_s: float) -> tuple[SharedPlan, ...]:

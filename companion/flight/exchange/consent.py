@@ -34,6 +34,9 @@ class Team(Consent, Protocol):
     def request(self, path: Path, /) -> None:
         """Request that members move whose circles bar a path to the goal."""
 
+    def note_waiting(self, *, is_waiting: bool) -> None:
+        """Inform the pilot if the aircraft waits before the goal from now on."""
+
     def status(self) -> dict[str, object]:
         """Return the members for pages."""
 
@@ -70,6 +73,9 @@ class NobodyAsked:
         return frozenset()
 
     def request(self, _path: Path, /) -> None:
+        """Do nothing."""
+
+    def note_waiting(self, *, is_waiting: bool) -> None:
         """Do nothing."""
 
     def status(self) -> dict[str, object]:

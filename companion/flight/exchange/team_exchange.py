@@ -93,7 +93,7 @@ class TeamExchange:
         self._utc = UtcClock()
         self._agreement: Agreement | None = None
         self._announced = AnnouncedPlan()
-        self._is_asking = False
+        self._is_asking = self._is_waiting = False
         self._lost = frozenset[int]()
         self._aside = CircleAside(flight, link, announcer)
         # When each member was sighted last [s], and where [m].
@@ -231,6 +231,13 @@ class TeamExchange:
         agreement.request(wanted_plan(self._flight.state, path, utc_s), utc_s)
         text = f"system {who} bars the way to the goal, and is asked to move"
         self._announcer.decide(DecisionKind.TEAM, text, tell="barred", about=who, member=who)
+
+    def note_waiting(self, *, is_waiting: bool) -> None:
+        """Inform the pilot if the aircraft waits before the goal from now on."""
+        if is_waiting and not self._is_waiting:
+            text = "waits before the goal: the way on behind it is not free"
+            self._announcer.decide(DecisionKind.TEAM, text, tell="way on taken")
+        self._is_waiting = is_waiting
 
     @property
     def is_given(self) -> bool:

@@ -138,7 +138,7 @@ class SurpriseWatch:
         """Return a vehicle that turned towards the flown path from a large lateral offset; '' without one."""
         ahead_s = float(state.mission.planning.sensing_horizon_m) / state.rules.vehicle.airspeed_cruise_m_s
         for track in state.picture.tracks:
-            known = self._known_tracks.get(track.identity, ())
+            known = () if track.keeps_route else self._known_tracks.get(track.identity, ())
             if not known or passing_reaches(rest, track, ahead_s) >= 1.0:
                 continue
             if any(passing_reaches(rest, then, ahead_s) > LATERAL_RADII for then in known):

@@ -11,6 +11,8 @@ from companion.frames import FloatArray
 
 NUMBERS = 1 << 16  # Plan numbers are counted in 16 bits and begin again.
 ROUNDED_S = 2e-5  # Rounding moves a time that counts as one of the clock's ticks by less than this.
+ROUND_S, ROUND_M = 15.0, 30.0  # An aircraft has come round if it is so near to where it was so long before.
+LAPS_M = 5.0  # Laps of the same circle differ by less than this.
 LOOK_S = 1e-4  # Two places of a path this far apart in time differ by some millimetres, save at a jump.
 
 
@@ -201,6 +203,36 @@ def entering_circle(rows: FloatArray, radius_m: float) -> FloatArray:
     part = (-b - math.sqrt(max(b * b - a * c, 0.0))) / a
     entry = begin + min(max(part, 0.0), 1.0) * leg
     return np.vstack([rows[: k + 1], [entry], [[entry[0], *centre[1:]]]])
+
+
+def circled(rows: FloatArray, ahead_s: float) -> tuple[FloatArray, float]:
+    """Return the rows of a flight until it stays in a circle, and the radius of that circle.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, 4)
+        Time [s], east, north, up [m], less than ``ROUND_S`` apart.
+    ahead_s : float
+        How much of a flight that ends in no circle is returned [s].
+
+    Returns
+    -------
+    rows : ndarray, shape (M, 4)
+        The flight until it stays in its circle, and then the circle's centre.
+    radius_m : float
+        Radius of the circle; 0 if it does not circle [m].
+    """
+    before = rows[rows[:, 0] <= rows[-1, 0] - ROUND_S]
+    came_by = np.flatnonzero(np.linalg.norm(before[:, 1:] - rows[-1, 1:], axis=1) < ROUND_M)
+    if not len(came_by):
+        return rows[rows[:, 0] <= rows[0, 0] + ahead_s], 0.0
+    loop = rows[came_by[-1] :, 1:]
+    centre = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
+    away = np.hypot(*(rows[:, 1:3] - centre[:2]).T)
+    radius_m = float(away[came_by[-1] :].max()) + LAPS_M
+    outside = np.flatnonzero(away > radius_m)
+    enters = int(outside[-1]) + 1 if len(outside) else 0
+    return np.vstack([rows[: enters + 1], [rows[enters, 0], *centre]]), radius_m
 
 
 def simplified(rows: FloatArray, within_m: float, first: int = 0) -> FloatArray:

@@ -92,8 +92,7 @@ def test_the_place_is_clear_of_the_request_of_others_and_of_walls_and_hardly_any
     other = (500.0, -420.0, 100.0)
     state, agreement = circling(circle_at(other, 3), text=TWO_GOALS + WALLED * walled)
     wall = WALL if walled else None
-    place = circle_aside(state, agreement, [PASSES], LATER_S)
-    found = place.position_enu_m
+    found = circle_aside(state, agreement, [PASSES], LATER_S)
     assert found[2] == HERE[2]
     assert room_at(found, PASSES, [other], wall) >= -1.0
     nearest_m = math.dist(found, HERE)

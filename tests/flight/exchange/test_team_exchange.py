@@ -12,7 +12,7 @@ from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.config.models import Bounds, Origin
 from companion.config.sections.team_section import TeamConfig
-from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows, circled
+from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows
 from companion.flight.exchange.team_exchange import TeamExchange, UtcClock
 from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import StateOwner, after_position, first_state
@@ -20,7 +20,7 @@ from companion.flight.state.modes import Mode
 from companion.flight.state.team_part import settings_of
 from companion.mission.team.agreement import Agreement, Outcome
 from companion.mission.team.goal_auction import GoalAuction
-from companion.mission.team.shared_plan import SharedPlan
+from companion.mission.team.shared_plan import SharedPlan, circled
 from companion.mission.team.team_settings import TeamSettings
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import GoalRegion
@@ -50,7 +50,7 @@ class Team:
         self.state = SimpleNamespace(
             mission=SimpleNamespace(
                 team=team, frame=FRAME, bounds=BOUNDS, team_members=team.members if team else ()
-            ), flown=None, turn_radius_m=80.0, next_own=None,
+            ), flown=None, turn_radius_m=80.0, next_own=None, tail_enu_m=None,
             motion=Motion.STEERED, target_enu_m=None, rules=SimpleNamespace(checker=checker),
         )  # fmt: skip
         self.own = Ownship(0.0, (0.0, 0.0, 100.0), 0.0, 0.0, 20.0, 0.0)
@@ -324,7 +324,7 @@ def flying(bank_rad=0.0):
 
 
 def test_an_aircraft_that_a_pilot_flies_announces_straight_flight():
-    rows, radius_m = circled(announced_rows(in_mode(Motion.STEERED), flying(bank_rad=0.5), None))
+    rows, radius_m = circled(announced_rows(in_mode(Motion.STEERED), flying(bank_rad=0.5), None), ANNOUNCED_S)
     seconds = rows[-1, 0] - rows[0, 0]
     assert (seconds, radius_m) == (ANNOUNCED_S, 0.0)
     assert rows[-1, 1:] == pytest.approx([1000.0 + 25.0 * seconds, 0.0, 100.0], abs=0.1)
@@ -332,7 +332,7 @@ def test_an_aircraft_that_a_pilot_flies_announces_straight_flight():
 
 def test_an_aircraft_that_circles_announces_its_circle():
     whole = announced_rows(in_mode(Motion.CIRCLE, (1500.0, 0.0, 100.0)), flying(), None)
-    rows, radius_m = circled(whole)
+    rows, radius_m = circled(whole, ANNOUNCED_S)
     assert rows[-1, 1:] == pytest.approx([1500.0, 0.0, 100.0], abs=40.0)
     assert radius_m == pytest.approx(140.0, abs=25.0)
     assert rows[-1, 0] == rows[-2, 0] < whole[-1, 0] - 30.0
