@@ -19,6 +19,7 @@ from sim.team import team_flight
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG, ahead
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
+from tests.mission.team.disturbed_flights import Disturbed
 from tests.mission.team.shared_goal_flights import flown as flown_without_one
 from tests.mission.team.shared_goal_flights import mission_of
 from tests.mission.team.street_flights import PlacedTeam
@@ -84,6 +85,22 @@ def test_two_whose_landings_cross_fly_to_them_one_after_the_other(shares_landing
     assert team.is_separate is shares_landing
     texts = [entry.text for flight in team.flights for entry in flight.recorder.decisions]
     assert sum("waits before the goal" in text for text in texts) == shares_landing  # One of them.
+
+
+@pytest.mark.thorough
+@BOTH
+def test_pilots_of_two_that_return_towards_each_other_are_told(dialect, monkeypatch):
+    """Returns are not agreed: these two come within 40 m. Both pilots have half a minute."""
+    monkeypatch.setattr(sim.sitl.Flight, "limit_s", 150.0)
+    team = Disturbed(mission_from_text(LONG, "long.yaml"), 2, 1, dialect)
+    team.switched = [(110.0, 1, "RTL"), (110.0, 2, "RTL")]
+    fly_team(team)
+    away_m, _, nearest_s = team.least_m[1, 2]
+    assert away_m < 60.0
+    for flight in team.flights:
+        told_s = [entry.stamp_s for entry in flight.recorder.decisions if entry.kind == "traffic"]
+        assert told_s[0] > 110.0  # Not before, while both fly what they have agreed to.
+        assert nearest_s - told_s[0] > 25.0
 
 
 @pytest.mark.thorough

@@ -23,7 +23,7 @@ from companion.flight.state.progress import OFF_HEIGHT_MAX_M
 from companion.flight.state.world_model import WorldModel
 from companion.mission.path_progress import progress_on
 from companion.tracking.thrust import ThrustMonitor
-from companion.types.events import Event
+from companion.types.events import Event, Motion
 from companion.types.state import Ownship
 from companion.types.threat import TrackState
 
@@ -87,7 +87,7 @@ class PerformanceWatch:
             self._thrust.forget()
             self._deviation, self._announced, self.has_thrust = "", "", True
             return False
-        self._traffic.look(now_s, ownship, tracks)
+        self._traffic.look(now_s, ownship, tracks, is_agreed=_flies_agreed(state))
         had_thrust = self.has_thrust
         self._look_at_thrust(state, ownship, now_s)
         is_judged = state.mode is Mode.ACTIVE and not self._is_gliding
@@ -136,6 +136,11 @@ def _is_in_end_circle(state: FlightState, ownship: Ownship) -> bool:
     (east, north, up), radius_m = circle
     away_m = math.hypot(east_m - east, north_m - north)
     return away_m <= abs(radius_m) + OFF_TRACK_M and abs(up_m - up) <= OFF_HEIGHT_MAX_M
+
+
+def _flies_agreed(state: FlightState) -> bool:
+    """Return whether a mission of the service is flown, or what follows it: a team has agreed to that."""
+    return state.motion is Motion.MISSION and state.mode in (Mode.ACTIVE, Mode.ARRIVED)
 
 
 def _deviation(state: FlightState, ownship: Ownship) -> tuple[str, str]:

@@ -31,8 +31,12 @@ class TrafficWatch:
         self._announcer = announcer
         self._announced_s: dict[str, float] = {}
 
-    def look(self, now_s: float, ownship: Ownship, tracks: Iterable[TrackState]) -> None:
+    def look(
+        self, now_s: float, ownship: Ownship, tracks: Iterable[TrackState], *, is_agreed: bool = False
+    ) -> None:
         """Inform the pilot of aircraft that newly come near.
+
+        Members of a team on their announced plans keep clear of an aircraft that flies an agreed one.
 
         Parameters
         ----------
@@ -42,13 +46,15 @@ class TrafficWatch:
             The aircraft, which flies.
         tracks : iterable of TrackState
             All vehicles that are tracked.
+        is_agreed : bool
+            Whether the aircraft flies a plan that its team has agreed to, if it has one.
         """
         self._announced_s = {
             name: stamp_s for name, stamp_s in self._announced_s.items() if now_s - stamp_s < AGAIN_S
         }
         for track in tracks:
-            # A member of a team that flies its announced plan is deconflicted by the agreement.
-            if not track.flies_on or track.keeps_route or track.identity in self._announced_s:
+            is_apart = track.keeps_route and is_agreed
+            if not track.flies_on or is_apart or track.identity in self._announced_s:
                 continue
             nearest_s = _loses_well_clear(ownship, track)
             if nearest_s is not None:
@@ -78,6 +84,6 @@ def _loses_well_clear(ownship: Ownship, track: TrackState) -> float | None:
     ahead = np.arange(0.0, AHEAD_S + STEP_S, STEP_S)
     moved = np.outer(ahead, (*ownship.velocity_m_s, ownship.climb_m_s))
     away = track.places_enu_m(ownship.stamp_s + ahead) - ownship.position_enu_m - moved
-    flat = np.hypot(away[:, 0], away[:, 1])
+    flat = np.hypot(away[:, 0], away[:, 1]) - track.circles_m(ownship.stamp_s + ahead)
     is_lost = (flat <= track.max_threat_radius_m) & (np.abs(away[:, 2]) <= track.clear_up_m)
     return float(ahead[np.argmin(flat)]) if is_lost.any() else None

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from companion.flight.monitors.traffic_watch import TrafficWatch
@@ -66,6 +67,30 @@ def test_from_all_sides(place, velocity, words, told):
 def test_what_does_not_come_near_is_not_told(other, told):
     TrafficWatch(told).look(100.0, OWN, [other])
     assert told.texts == []
+
+
+def member(east, *, circle_m=0.0):
+    """A member of a team that stays at the own height, ``east`` metres east on the own course."""
+    rows = np.array([[100.0 + second, 1000.0 + east, 1000.0, 250.0] for second in range(3)])
+    return replace(
+        HEAD_ON, position_enu_m=(1000.0 + east, 1000.0, 250.0), max_threat_radius_m=165.0, clear_up_m=40.0,
+        route=rows, keeps_route=True, circle_m=circle_m, circles_from_s=100.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("other", "is_agreed", "is_told"),
+    [
+        (member(800.0), False, True),  # 800 m at 25 m/s: 32 s
+        (member(800.0), True, False),  # Both fly what the team has agreed to.
+        (member(1400.0), False, False),  # 45 s bring it to 275 m
+        (member(1400.0, circle_m=120.0), False, True),  # from the centre of a circle.
+        (HEAD_ON, True, True),  # It is no member.
+    ],
+)
+def test_a_member_of_the_team_is_told_where_nothing_was_agreed(other, is_agreed, is_told, told):
+    TrafficWatch(told).look(100.0, OWN, [other], is_agreed=is_agreed)
+    assert bool(told.texts) is is_told
 
 
 def test_a_turn_or_a_climb_that_leads_near_is_told(told):
