@@ -2,7 +2,8 @@
 
 ARDUPLANE, PARM and PX4 name binaries of your own. ``--how`` says what they share: their plans, their goals
 as well, or nothing. ``barred`` shares plans, and the first one's goal lies in the gap that the other has to
-pass; that is for ArduPlane, because a PX4 arms only with a landing, to which it would go on.
+pass; that is for ArduPlane, because a PX4 arms only with a landing, to which it would go on. ``landings``
+shares plans in the open, and the flight goes on until both have landed, or for five minutes.
 """
 
 import argparse
@@ -21,14 +22,18 @@ from tests.real.rig.mapped_ground import BEFORE_FIX_M
 from tests.real.rig.team_rig import Member, Radio
 
 LIMIT_S = 420.0
+LANDING_S = 300.0  # Landings take less.
 SHARED_LIMIT_S = 900.0  # One of them may have to fly all goals.
 APART_M, APART_UP_M = 40.0, 20.0
 REACHED_M = 75.0  # A goal is reached within 60 m; positions are reported each 0.1 s.
 BEGIN_M = 15.0  # So high above home a member has taken off.
-TEAMS = {"plans": {}, "goals": {"share_goals": True}, "barred": {}, "nothing": None}
+TEAMS = {"plans": {}, "goals": {"share_goals": True}, "barred": {}, "landings": {}, "nothing": None}
+SCENES = {"barred": "barred", "landings": "open"}
 
 
-def flown_team(kind, binaries, folder, instance, *, team=None, is_barred=False, loss=0.2, seed=1):
+def flown_team(
+    kind, binaries, folder, instance, *, team=None, scene="", loss=0.2, seed=1, after_s=0.0
+):  # fmt: skip
     """Fly two aircraft to their goals; the row of the flight.
 
     Parameters
@@ -43,19 +48,19 @@ def flown_team(kind, binaries, folder, instance, *, team=None, is_barred=False, 
         Number that the ports of the first aircraft follow from.
     team : dict or None
         The section ``team`` of the mission files without the members; None for aircraft that are no team.
-    is_barred : bool
-        Whether the first one's goal bars the way of the other.
+    scene : str
+        As for :class:`tests.real.rig.team_rig.MemberCourse`.
     loss : float
         Share of the radio's frames that is lost.
     seed : int
         Of what is random.
+    after_s : float
+        How long the flight goes on after both have arrived: what follows the goals is flown then [s].
     """
     ids = [instance + number + 1 for number in range(2)]
     team = {} if team is None else {"members": ids, **team}
     members = [
-        Member(
-            kind, binaries, folder / f"{ids[number]}", number, instance + number, team, is_barred=is_barred
-        )
+        Member(kind, binaries, folder / f"{ids[number]}", number, instance + number, team, scene=scene)
         for number in range(2)
     ]
     ports = {member.system_id: member.autopilot.radio_port for member in members}
@@ -69,9 +74,13 @@ def flown_team(kind, binaries, folder, instance, *, team=None, is_barred=False, 
             member.station.fly()
         shares_goals = team.get("share_goals", False)
         end_s = time.monotonic() + (SHARED_LIMIT_S if shares_goals else LIMIT_S)
-        while time.monotonic() < end_s and not all(member.has_arrived() for member in members):
+        arrived_s = math.inf
+        while time.monotonic() < min(end_s, arrived_s + after_s) and any(is_flying(one) for one in members):
             time.sleep(0.5)
-            assert all(member.station.is_armed for member in members), "disarmed"
+            assert all(member.station.is_armed or member.has_arrived() for member in members), "disarmed"
+            if arrived_s == math.inf and all(member.has_arrived() for member in members):
+                arrived_s = time.monotonic()
+                end_s = max(end_s, arrived_s + after_s)
     except (AssertionError, OSError) as error:
         fault = f"{type(error).__name__}: {error}"
     finally:
@@ -86,6 +95,11 @@ def flown_team(kind, binaries, folder, instance, *, team=None, is_barred=False, 
     }  # fmt: skip
     (folder / "flight.json").write_text(json.dumps(row), encoding="utf-8")
     return row
+
+
+def is_flying(member):
+    """Whether a member has not both arrived and landed."""
+    return member.station.is_armed or not member.has_arrived()
 
 
 def measures(members):
@@ -144,7 +158,8 @@ def main():
         folder = given.out.resolve() / f"{given.kind}-{given.how}-{seed}"
         row = flown_team(
             KINDS[given.kind], Binaries.named(os.environ), folder, given.instance,
-            team=TEAMS[given.how], is_barred=given.how == "barred", seed=seed,
+            team=TEAMS[given.how], scene=SCENES.get(given.how, ""), seed=seed,
+            after_s=LANDING_S if given.how == "landings" else 0.0,
         )  # fmt: skip
         num_bad += not is_good(row)
         sys.stdout.write(f"{ {name: value for name, value in row.items() if name != 'paths'} }\n")

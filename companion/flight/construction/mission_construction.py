@@ -236,10 +236,11 @@ def _refused(state: FlightState, path: Path, last: int, why: Violation) -> Candi
 
 
 def _row_at_goal(state: FlightState, path: Path) -> int:
-    """The first row of a path at which a circle that touches the path may come near the last goal."""
+    """The row of a path from which on a circle that touches it may come near the last goal."""
     goal = state.goals[-1]
     near_m = goal.acceptance_radius_m + 2.0 * state.turn_radius_m
-    return int(np.argmax(np.linalg.norm(path.positions_enu_m - goal.position_enu_m, axis=1) <= near_m))
+    away = np.flatnonzero(np.linalg.norm(path.positions_enu_m - goal.position_enu_m, axis=1) > near_m)
+    return int(away[-1]) + 1 if len(away) else 0
 
 
 def _best_with(

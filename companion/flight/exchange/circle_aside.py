@@ -72,7 +72,7 @@ class CircleAside:
             return self._give_up(agreement, utc_s)
         requests = agreement.requests(utc_s)
         asked = frozenset((plan.member, plan.number) for plan in requests)
-        if asked <= self._asked or _leaves_by_itself(state):
+        if asked <= self._asked or _leaves_by_itself(state, self._link.autopilot.current):
             return False
         self._asked = asked
         who, place = listed(plan.member for plan in requests), None
@@ -104,11 +104,12 @@ class CircleAside:
         self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
 
 
-def _leaves_by_itself(state: FlightState) -> bool:
+def _leaves_by_itself(state: FlightState, current: MissionCurrent | None) -> bool:
     """Return whether the aircraft flies a mission that leads to a goal, or the operator's items behind it."""
     if state.goals_left:
         return state.may_act and state.flies_to_goal
-    return state.continues_behind and state.motion is Motion.MISSION
+    is_behind = state.mission_list.position(current) is MissionPosition.PAST_GOAL
+    return is_behind and state.motion is Motion.MISSION
 
 
 def may_move_aside(

@@ -19,7 +19,7 @@ from companion.flight.exchange.circle_aside import (
     wanted_plan,
 )
 from companion.flight.state.flight_state import GOAL_RADIUS_M, StateOwner, after_position, first_state
-from companion.flight.state.list_state import FlownPath
+from companion.flight.state.list_state import FlownPath, ListState, MissionPosition
 from companion.flight.state.modes import Mode
 from companion.flight.state.team_part import settings_of
 from companion.mission.team.agreement import Agreement
@@ -215,6 +215,16 @@ def test_who_is_on_its_way_to_a_goal_is_not_asked():
     asked.ask()
     assert not asked.look()
     assert asked.told == []
+
+
+@pytest.mark.parametrize(("position", "is_told"), [("PAST_GOAL", False), ("ELSEWHERE", True)])
+def test_the_pilot_of_one_that_flies_on_to_its_landing_is_not_told_each_time(position, is_told, monkeypatch):
+    found = MissionPosition[position]
+    monkeypatch.setattr(ListState, "position", lambda _listed, _current: found)
+    asked = Asked(motion=Motion.MISSION, tail_enu_m=(0.0, 0.0, 60.0))
+    asked.ask()
+    assert not asked.look()
+    assert bool(asked.told) is is_told
 
 
 def test_what_is_wanted_is_the_path_from_now_on_and_a_circle_at_its_end():

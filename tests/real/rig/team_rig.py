@@ -43,15 +43,16 @@ class MemberCourse(Course):
         Size of the map.
     changes : dict
         Sections of the mission file with keys to set.
-    is_barred : bool
-        Whether the first one bars the way of the other, and circles there, because nobody lands.
+    scene : str
+        ``barred``: the first one bars the way of the other, and circles there, because nobody lands;
+        ``open``: without obstacles, so that both go on to their landings.
     """
 
-    def __init__(self, number, factor, changes, *, is_barred=False):
+    def __init__(self, number, factor, changes, *, scene=""):
         self._home, self._takeoff, self._circle, goal = PLACES[number]
-        self._lands = not is_barred
-        super().__init__(factor, "near", changes)
-        if is_barred:
+        self._lands = scene != "barred"
+        super().__init__(factor, "near", changes | ({"obstacles": []} if scene == "open" else {}))
+        if scene == "barred":
             goal = BARRED_GOALS[number]
             wall = {"name": "plug", "base_m": 0.0, "top_m": 1000.0 * factor}
             corners = [[factor * east, factor * north] for east, north in OTHER_GAP]
@@ -161,11 +162,11 @@ class Member:
         Number that ports follow from.
     team : dict
         The section ``team`` of the mission file; empty without one.
-    is_barred : bool
+    scene : str
         As for :class:`MemberCourse`.
     """
 
-    def __init__(self, kind, binaries, folder, number, instance, team, *, is_barred=False):
+    def __init__(self, kind, binaries, folder, number, instance, team, *, scene=""):
         folder.mkdir(parents=True)
         self.system_id = instance + 1
         changes = {
@@ -173,7 +174,7 @@ class Member:
             "link": {"vehicle_system_id": self.system_id}, **({"team": team} if team else {}),
             "dimension": 2, "start": {"up_m": 150.0 * kind.factor}, "dynamic_threats": [],
         }  # fmt: skip
-        self.course = MemberCourse(number, kind.factor, changes, is_barred=is_barred)
+        self.course = MemberCourse(number, kind.factor, changes, scene=scene)
         (folder / "mission.yaml").write_text(self.course.text, encoding="utf-8")
         self._tlogs = Tlog(folder / "operator.tlog"), Tlog(folder / "service.tlog")
         self.autopilot = Autopilot(
