@@ -35,7 +35,7 @@ from companion.flight.construction.mission_simulation import (
     lacking_in_other_winds,
     simulated,
 )
-from companion.flight.construction.way_behind import is_way_on_taken, may_go_on
+from companion.flight.construction.way_behind import is_way_behind_taken, may_go_on
 from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import FlightState
 from companion.flight.state.progress import Start
@@ -184,7 +184,7 @@ def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: b
         ends += range(last + RUN_ON_ROWS, len(path), RUN_ON_ROWS)
     ends += range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)
     is_waiting = False
-    if goes_on and is_way_on_taken(state, path):
+    if goes_on and is_way_behind_taken(state, path):
         ends = [end for end in ends if end < _row_at_goal(state, path)]
         is_waiting = float(np.ptp(path.times_s)) <= HORIZONS * state.rules.time_horizon_s
     if not ends:

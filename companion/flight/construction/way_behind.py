@@ -2,8 +2,8 @@
 
 A mission may end at its last goal without a circle if the way on is clear: the autopilot then flies the
 operator's items, most often an approach, up to the circle with which a landing begins, or to the landing
-itself. For a team's member that way and that circle are a part of what it flies, as the path to the goal is.
-Others approve it or refuse it. While it is another member's, the mission ends in a circle before the goal.
+itself. In a team that way and that circle belong to the plan that the others approve or refuse. While another
+member flies there, the mission ends in a circle before the goal.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from companion.flight.construction.loiter_circles import circle_of, place_of
+from companion.flight.construction.loiter_circles import circle_of, end_circle, place_of
 from companion.flight.construction.mission_simulation import STEP_S, at_start, guidance_of, is_taken
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
@@ -53,7 +53,12 @@ def may_go_on(state: FlightState, last_enu_m: FloatArray) -> bool:
     return not any(entry.rule == "clearance" for entry in wrong)
 
 
-def with_way_on(state: FlightState, path: Path, rows: FloatArray) -> tuple[FloatArray, float]:
+def goes_on_behind(state: FlightState) -> bool:
+    """Return whether the flown mission leads on to the operator's items behind it, not into a circle."""
+    return state.continues_behind and end_circle(state, 0.0) is None
+
+
+def with_way_behind(state: FlightState, path: Path, rows: FloatArray) -> tuple[FloatArray, float]:
     """Return the rows of a flight to the last goal with those of the way on behind it.
 
     Parameters
@@ -85,15 +90,16 @@ def with_way_on(state: FlightState, path: Path, rows: FloatArray) -> tuple[Float
         track = track_of_circle(guidance, begun, np.asarray(circle[0]), circle[1], ends_s, STEP_S)
     else:
         track = track_of_legs(guidance, begun, np.array(legs), loiter=circle, ends_s=ends_s, step_s=STEP_S)
-    if circle is None:
-        track = track.until(int(np.argmax(track.reached == len(legs))))
+    is_flown = track.reached < len(legs)
+    if circle is None and not is_flown.all():
+        track = track.until(int(np.argmin(is_flown)))
     times = rows[-1, 0] + track.times_s
     behind = np.column_stack([times, track.positions_enu_m])[1:]
     whole = np.vstack([rows, behind])
     return (whole, 0.0) if circle is None else circled(whole, math.inf)
 
 
-def is_way_on_taken(state: FlightState, path: Path) -> bool:
+def is_way_behind_taken(state: FlightState, path: Path) -> bool:
     """Return whether an aircraft that keeps its route comes near the way on behind a path to the last goal.
 
     Parameters
@@ -106,7 +112,7 @@ def is_way_on_taken(state: FlightState, path: Path) -> bool:
     if not any(track.keeps_route for track in state.picture.tracks):
         return False
     last = np.array([[path.times_s[-1], *path.positions_enu_m[-1]]])
-    return is_taken(state, *with_way_on(state, path, last))
+    return is_taken(state, *with_way_behind(state, path, last))
 
 
 def _legs_behind(state: FlightState) -> tuple[list[FloatArray], tuple[FloatArray, float] | None]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from companion.config.sections.team_section import TeamConfig
 from companion.flight.construction.mission_construction import ConstructedMission
-from companion.flight.construction.way_behind import with_way_on
+from companion.flight.construction.way_behind import with_way_behind
 from companion.flight.prediction.mode_tracks import mode_tracks
 from companion.flight.prediction.obstacle_ahead import is_clear
 from companion.flight.prediction.return_path import STEP_S
@@ -96,7 +96,7 @@ def proposed_plan(
     parts.append(np.column_stack([path.times_s, path.positions_enu_m])[is_carried])
     rows, radius_m = np.vstack(parts), 0.0
     if constructed.waypoints.continues_with_operator_items:
-        rows, radius_m = with_way_on(state, path, rows)
+        rows, radius_m = with_way_behind(state, path, rows)
     else:
         centre, signed_m = constructed.waypoints.circle
         radius_m = abs(signed_m) or float(state.turn_radius_m)

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from companion.flight.construction.way_behind import may_go_on, with_way_on
+from companion.flight.construction.way_behind import goes_on_behind, may_go_on, with_way_behind
 from companion.flight.messages.announcer import Announcer
 from companion.flight.messages.vehicle_link import VehicleLink
 from companion.flight.state.decision import DecisionKind
@@ -131,7 +131,7 @@ def may_move_aside(
         UTC time [s].
     """
     is_planned = state.mode in (Mode.ARRIVED, Mode.ACTIVE)
-    leads_on = state.flies_to_goal if state.goals_left else state.continues_behind
+    leads_on = state.flies_to_goal if state.goals_left else goes_on_behind(state)
     is_in_list = state.motion is Motion.MISSION
     is_at_end = state.mission_list.position(current) is MissionPosition.OURS
     plan = agreement.committed
@@ -193,7 +193,7 @@ def wanted_plan(state: FlightState, path: Path, utc_s: float) -> SharedPlan:
     times = utc_s + path.times_s - path.times_s[0]
     rows, radius_m = np.column_stack([times, path.positions_enu_m]), float(state.turn_radius_m)
     if may_go_on(state, path.positions_enu_m[-1]):
-        rows, radius_m = with_way_on(state, path, rows)
+        rows, radius_m = with_way_behind(state, path, rows)
     return SharedPlan(0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m)
 
 

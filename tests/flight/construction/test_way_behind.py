@@ -7,7 +7,7 @@ import pytest
 
 from companion.flight.construction.cycle import conclude
 from companion.flight.construction.mission_construction import construct
-from companion.flight.construction.way_behind import is_way_on_taken, with_way_on
+from companion.flight.construction.way_behind import is_way_behind_taken, with_way_behind
 from companion.flight.exchange.announced_plan import proposed_plan
 from companion.flight.exchange.circle_aside import wanted_plan
 from companion.flight.state.decision import Verdict
@@ -44,7 +44,7 @@ IN_A_CIRCLE = (Command.NAV_LOITER_TO_ALT, CIRCLE)
 
 def flown_to_goal(made):
     rows = np.array([[PATH_S, GOAL_M, 0.0, 100.0]])
-    return with_way_on(made, straight(), rows)
+    return with_way_behind(made, straight(), rows)
 
 
 def test_it_ends_in_the_circle_with_which_a_landing_begins():
@@ -92,7 +92,7 @@ def crossing(at_s):
     ],
 )
 def test_it_is_taken_where_and_when_another_member_comes_near(other, expected):
-    assert is_way_on_taken(beside(ended_by(IN_A_CIRCLE), other), straight()) is expected
+    assert is_way_behind_taken(beside(ended_by(IN_A_CIRCLE), other), straight()) is expected
 
 
 def test_while_it_is_taken_a_mission_ends_in_a_circle_from_which_the_goal_is_not_reached():
