@@ -22,9 +22,10 @@ from companion.flight.state.flight_state import GOAL_RADIUS_M, StateOwner, after
 from companion.flight.state.list_state import FlownPath, ListState, MissionPosition
 from companion.flight.state.modes import Mode
 from companion.flight.state.team_part import settings_of
+from companion.mission.list_layout import new_banks
 from companion.mission.team.agreement import Agreement
 from companion.types.events import Motion
-from companion.types.mission import Mission
+from companion.types.mission import Command, MavFrame, Mission, MissionItem
 from companion.types.state import Ownship
 from tests.flight.construction.test_cycle import TWO_GOALS, straight
 from tests.mission.team.team_plans import BEGIN_S, FRAME
@@ -131,6 +132,21 @@ def test_only_an_aircraft_that_circles_with_no_way_on_and_that_no_pilot_flies_mo
     assert may_move_aside(replace(state, mode=Mode.ACTIVE, is_on_call=True), agreement, None, LATER_S)
     assert may_move_aside(waits, agreement, None, LATER_S)
     assert may_move_aside(replace(waits, tail_enu_m=(0.0, 0.0, 0.0)), agreement, None, LATER_S)
+
+
+@pytest.mark.parametrize("last", [Command.NAV_WAYPOINT, Command.NAV_LOITER_UNLIM])
+def test_one_that_cannot_go_on_to_its_landing_circles_for_good(last):
+    """Then its mission ends in a circle, although the operator's items follow it."""
+    state, agreement = circling()
+    latitude, longitude, altitude = FRAME.global_from_local(*HERE)
+    end = MissionItem(
+        1, last, MavFrame.GLOBAL, (0.0,) * 4, round(1e7 * latitude), round(1e7 * longitude), altitude
+    )
+    state = replace(
+        state, tail_enu_m=(0.0, 0.0, 60.0), flown=FlownPath(straight(), Mission((end,), 1, 1), 60.0),
+        mission_list=replace(state.mission_list, layout=new_banks((end,))),
+    )  # fmt: skip
+    assert may_move_aside(state, agreement, None, LATER_S) is (last is Command.NAV_LOITER_UNLIM)
 
 
 class Asked:
