@@ -57,6 +57,8 @@ class TeamFlight:
         Simulated seconds a second.
     gone_s : dict of int to float
         Members whose aircraft, autopilot, radio and service are gone from a time on [s].
+    linger_s : float
+        How long the flight goes on after the last member has arrived [s].
 
     Attributes
     ----------
@@ -78,6 +80,7 @@ class TeamFlight:
     shares: bool = True
     speed: float = math.inf
     gone_s: dict[int, float] = field(default_factory=dict)
+    linger_s: float = LINGER_S
     flights: list[Flight] = field(init=False)
     radio: Radio = field(init=False)
     least_m: dict[tuple[int, int], tuple[float, float, float]] = field(init=False, default_factory=dict)
@@ -129,7 +132,7 @@ class TeamFlight:
                 self._measure(now_s)
                 self._note(now_s)
                 if self.arrived_s and all(number in self.arrived_s for number in there):
-                    end_s = min(end_s, max(self.arrived_s.values()) + LINGER_S)
+                    end_s = min(end_s, max(self.arrived_s.values()) + self.linger_s)
 
     def members_there(self, now_s: float) -> list[int]:
         """Return the members that are not gone at a time [s]."""

@@ -15,7 +15,6 @@ from companion.flight.exchange.announced_plan import WAITS_S
 from companion.flight.replanning import replanning
 from companion.mission.list_layout import TEAM_BANK_ITEMS
 from companion.types.events import Dialect
-from sim.team import team_flight
 from sim.team.team_flight import NoPlaceError, TeamFlight, fly_team, team_missions
 from tests.flight.replanning.test_surprise import LONG, ahead
 from tests.flight.test_geofences import BOTH, CIRCLE_OUT, fence
@@ -77,10 +76,9 @@ def test_without_messages_they_nearly_meet():
 @pytest.mark.parametrize("shares_landing", [True, False], ids=["shared", "not shared"])
 def test_two_whose_landings_cross_fly_to_them_one_after_the_other(shares_landing, monkeypatch):
     """Each PX4 flies back past the other one's goal. Beside it a flight in which only paths are shared."""
-    monkeypatch.setattr(team_flight, "LINGER_S", 150.0)
     if not shares_landing:
         monkeypatch.setattr(way_behind, "_legs_behind", lambda _state: ([], None))
-    team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.2)
+    team = flown(mission_from_text(LONG, "long.yaml"), 2, 0.2, linger_s=150.0)
     assert sorted(team.arrived_s) == [1, 2]
     assert team.is_separate is shares_landing
     texts = [entry.text for flight in team.flights for entry in flight.recorder.decisions]
