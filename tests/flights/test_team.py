@@ -154,8 +154,13 @@ def test_a_member_that_has_arrived_moves_for_one_whose_goal_lies_behind_its_circ
     ("dialect", "moves"), [(Dialect.ARDUPILOT, True), (Dialect.PX4, True), (Dialect.ARDUPILOT, False)]
 )
 def test_of_two_that_bar_each_other_one_moves_and_flies_its_goal_afterwards(dialect, moves, monkeypatch):
-    """Beside it the same flight in which nobody is requested to move: neither arrives."""
-    if not moves:
+    """Beside it the same flight in which nobody is requested to move: neither arrives.
+
+    A PX4 passes its goal once the other one has come back through the corridor to its landing.
+    """
+    if moves:
+        monkeypatch.setattr(sim.sitl.Flight, "limit_s", 800.0)
+    else:
         monkeypatch.setattr(replanning, "BARRED_S", math.inf)
     mission = mission_from_text(CORRIDOR.replace("[1500, ", "[300, ").replace("[2900, ", "[3100, "), "c.yaml")
     team = flown(mission, 2, 0.2, dialect, 2, kind=PlacedTeam, places=HEAD_ON)

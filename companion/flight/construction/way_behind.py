@@ -96,7 +96,7 @@ def with_way_behind(state: FlightState, path: Path, rows: FloatArray) -> tuple[F
     times = rows[-1, 0] + track.times_s
     behind = np.column_stack([times, track.positions_enu_m])[1:]
     whole = np.vstack([rows, behind])
-    return (whole, 0.0) if circle is None else circled(whole, math.inf)
+    return (whole, 0.0) if circle is None else circled(whole)
 
 
 def is_way_behind_taken(state: FlightState, path: Path) -> bool:

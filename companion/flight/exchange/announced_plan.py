@@ -25,8 +25,9 @@ from companion.mission.team.shared_plan import SharedPlan, circled, entering_cir
 from companion.types.events import MissionCurrent
 from companion.types.state import Ownship
 
-ANNOUNCED_S = 30.0  # The flight is announced this far ahead, and again after half of it.
-CIRCLE_S = 60.0  # An aircraft that circles has come round by then.
+# What a pilot steers is announced 30 s ahead, what an autopilot flies by itself 120 s: one that circles has
+# come round by then. Each is announced again after half of that.
+STEERED_S, KNOWN_S = 30.0, 120.0
 OFF_S = 2.0  # An aircraft that is off its plan for so long flies something else.
 STANDS_M_S = 3.0  # An aircraft that is slower than this stands on the ground.
 WAITS_S = 15.0  # Approval takes up to 7 s in a team of eight that loses every fifth message, a turn 8 s.
@@ -52,8 +53,10 @@ def announced_rows(state: FlightState, ownship: Ownship, current: MissionCurrent
     here = np.array([[ownship.stamp_s, *ownship.position_enu_m]])
     if ownship.ground_speed_m_s < STANDS_M_S:
         return here
+    tracks = mode_tracks(state, ownship, current, KNOWN_S)
     # Of a pilot's tracks the last one is straight.
-    track = mode_tracks(state, ownship, current, CIRCLE_S).positions_enu_m[-1]
+    ahead_s = STEERED_S if tracks.is_steered else KNOWN_S
+    track = tracks.positions_enu_m[-1][: round(ahead_s / STEP_S) + 1]
     times = ownship.stamp_s + STEP_S * np.arange(1, len(track))
     return np.vstack([here, np.column_stack([times, track[1:]])])
 
@@ -154,7 +157,7 @@ class AnnouncedPlan:
             return True
         if plan.is_flown_at(ownship.position_enu_m, utc_s):
             self._off_since_s = None
-            ends_soon = not plan.radius_m and utc_s > plan.end_s - 0.5 * ANNOUNCED_S
+            ends_soon = not plan.radius_m and utc_s > 0.5 * (plan.start_s + plan.end_s)
             return ends_soon and ownship.ground_speed_m_s >= STANDS_M_S
         if self._off_since_s is None:
             self._off_since_s = utc_s
@@ -173,5 +176,5 @@ class AnnouncedPlan:
             UTC less the service's clock [s].
         """
         self._off_since_s = None
-        rows, radius_m = circled(rows + np.array([ahead_s, 0.0, 0.0, 0.0]), ANNOUNCED_S)
+        rows, radius_m = circled(rows + np.array([ahead_s, 0.0, 0.0, 0.0]))
         return SharedPlan(0, 0, rows, radius_m, config.tolerance_m, config.tolerance_up_m)

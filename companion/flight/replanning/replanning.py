@@ -259,7 +259,8 @@ class Replanning:
         )
         if self._is_outdated(request):
             return
-        self.team.note_waiting(is_waiting=found.is_waiting)
+        if found.is_waiting or found.constructed is not None:
+            self.team.note_waiting(is_waiting=found.is_waiting)
         planned = run.plan.path if run.plan.reaches_goal else None
         found = self.energy.annotated(found, planned, self._clock.now_s())
         if found.constructed is not None:

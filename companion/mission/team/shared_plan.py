@@ -205,27 +205,25 @@ def entering_circle(rows: FloatArray, radius_m: float) -> FloatArray:
     return np.vstack([rows[: k + 1], [entry], [[entry[0], *centre[1:]]]])
 
 
-def circled(rows: FloatArray, ahead_s: float) -> tuple[FloatArray, float]:
+def circled(rows: FloatArray) -> tuple[FloatArray, float]:
     """Return the rows of a flight until it stays in a circle, and the radius of that circle.
 
     Parameters
     ----------
     rows : ndarray, shape (N, 4)
         Time [s], east, north, up [m], less than ``ROUND_S`` apart.
-    ahead_s : float
-        How much of a flight that ends in no circle is returned [s].
 
     Returns
     -------
     rows : ndarray, shape (M, 4)
-        The flight until it stays in its circle, and then the circle's centre.
+        The flight until it stays in its circle, and then the circle's centre; without a circle all rows.
     radius_m : float
         Radius of the circle; 0 if it does not circle [m].
     """
     before = rows[rows[:, 0] <= rows[-1, 0] - ROUND_S]
     came_by = np.flatnonzero(np.linalg.norm(before[:, 1:] - rows[-1, 1:], axis=1) < ROUND_M)
     if not len(came_by):
-        return rows[rows[:, 0] <= rows[0, 0] + ahead_s], 0.0
+        return rows, 0.0
     loop = rows[came_by[-1] :, 1:]
     centre = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
     away = np.hypot(*(rows[:, 1:3] - centre[:2]).T)

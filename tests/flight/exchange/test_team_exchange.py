@@ -12,7 +12,7 @@ from companion.clock import ManualClock
 from companion.config import mission_from_text
 from companion.config.models import Bounds, Origin
 from companion.config.sections.team_section import TeamConfig
-from companion.flight.exchange.announced_plan import ANNOUNCED_S, AnnouncedPlan, announced_rows
+from companion.flight.exchange.announced_plan import STEERED_S, AnnouncedPlan, announced_rows
 from companion.flight.exchange.team_exchange import TeamExchange, UtcClock
 from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import StateOwner, after_position, first_state
@@ -324,15 +324,15 @@ def flying(bank_rad=0.0):
 
 
 def test_an_aircraft_that_a_pilot_flies_announces_straight_flight():
-    rows, radius_m = circled(announced_rows(in_mode(Motion.STEERED), flying(bank_rad=0.5), None), ANNOUNCED_S)
+    rows, radius_m = circled(announced_rows(in_mode(Motion.STEERED), flying(bank_rad=0.5), None))
     seconds = rows[-1, 0] - rows[0, 0]
-    assert (seconds, radius_m) == (ANNOUNCED_S, 0.0)
+    assert (seconds, radius_m) == (STEERED_S, 0.0)
     assert rows[-1, 1:] == pytest.approx([1000.0 + 25.0 * seconds, 0.0, 100.0], abs=0.1)
 
 
 def test_an_aircraft_that_circles_announces_its_circle():
     whole = announced_rows(in_mode(Motion.CIRCLE, (1500.0, 0.0, 100.0)), flying(), None)
-    rows, radius_m = circled(whole, ANNOUNCED_S)
+    rows, radius_m = circled(whole)
     assert rows[-1, 1:] == pytest.approx([1500.0, 0.0, 100.0], abs=40.0)
     assert radius_m == pytest.approx(140.0, abs=25.0)
     assert rows[-1, 0] == rows[-2, 0] < whole[-1, 0] - 30.0
