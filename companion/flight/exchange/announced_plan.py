@@ -157,7 +157,8 @@ class AnnouncedPlan:
             return True
         if plan.is_flown_at(ownship.position_enu_m, utc_s):
             self._off_since_s = None
-            ends_soon = not plan.radius_m and utc_s > 0.5 * (plan.start_s + plan.end_s)
+            left_s = 0.5 * min(plan.end_s - plan.start_s, KNOWN_S)
+            ends_soon = not plan.radius_m and utc_s > plan.end_s - left_s
             return ends_soon and ownship.ground_speed_m_s >= STANDS_M_S
         if self._off_since_s is None:
             self._off_since_s = utc_s
