@@ -363,6 +363,16 @@ def test_what_is_flown_is_announced_once_it_is_not_what_was_told_and_before_it_e
     assert not is_due_at(16.0, 1400.0)
 
 
+def test_a_long_plan_without_a_circle_is_announced_again_a_minute_before_its_end():
+    """It leads for 300 s to a landing, at 25 m/s."""
+    announced, agreement = AnnouncedPlan(), Agreement(1, (1, 2), FRAME, settings_of(TEAM), started_s=AHEAD_S)
+    rows = np.array([[AHEAD_S, 1000.0, 0.0, 100.0], [AHEAD_S + 300.0, 8500.0, 0.0, 100.0]])
+    agreement.announce(SharedPlan(1, 0, rows, 0.0, 50.0, 10.0))
+    for now_s, expected in ((200.0, False), (239.0, False), (241.0, True)):
+        aircraft = replace(flying(), stamp_s=now_s, position_enu_m=(1000.0 + 25.0 * now_s, 0.0, 100.0))
+        assert announced.is_due(agreement, aircraft, AHEAD_S + now_s) is expected
+
+
 def test_before_its_first_plan_a_member_announces_anew_what_it_flies_with_each_proposal():
     team = Team().begin()
     team.talk(2.0)
