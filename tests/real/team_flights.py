@@ -31,10 +31,8 @@ TEAMS = {"plans": {}, "goals": {"share_goals": True}, "barred": {}, "landings": 
 SCENES = {"barred": "barred", "landings": "open"}
 
 
-def flown_team(
-    kind, binaries, folder, instance, *, team=None, scene="", loss=0.2, seed=1, after_s=0.0
-):  # fmt: skip
-    """Fly two aircraft to their goals; the row of the flight.
+def flown_team(kind, binaries, folder, instance, *, team=None, scene="", loss=0.2, seed=1):
+    """Fly two aircraft to their goals, in the open up to their landings; the row of the flight.
 
     Parameters
     ----------
@@ -54,8 +52,6 @@ def flown_team(
         Share of the radio's frames that is lost.
     seed : int
         Of what is random.
-    after_s : float
-        How long the flight goes on after both have arrived: what follows the goals is flown then [s].
     """
     ids = [instance + number + 1 for number in range(2)]
     team = {} if team is None else {"members": ids, **team}
@@ -74,13 +70,13 @@ def flown_team(
             member.station.fly()
         shares_goals = team.get("share_goals", False)
         end_s = time.monotonic() + (SHARED_LIMIT_S if shares_goals else LIMIT_S)
-        arrived_s = math.inf
-        while time.monotonic() < min(end_s, arrived_s + after_s) and any(is_flying(one) for one in members):
+        have_arrived = False
+        while time.monotonic() < end_s and any(is_flying(member) for member in members):
             time.sleep(0.5)
             assert all(member.station.is_armed or member.has_arrived() for member in members), "disarmed"
-            if arrived_s == math.inf and all(member.has_arrived() for member in members):
-                arrived_s = time.monotonic()
-                end_s = max(end_s, arrived_s + after_s)
+            if not have_arrived and all(member.has_arrived() for member in members):
+                have_arrived = True
+                end_s = time.monotonic() + (LANDING_S if scene == "open" else 0.0)
     except (AssertionError, OSError) as error:
         fault = f"{type(error).__name__}: {error}"
     finally:
@@ -159,7 +155,6 @@ def main():
         row = flown_team(
             KINDS[given.kind], Binaries.named(os.environ), folder, given.instance,
             team=TEAMS[given.how], scene=SCENES.get(given.how, ""), seed=seed,
-            after_s=LANDING_S if given.how == "landings" else 0.0,
         )  # fmt: skip
         num_bad += not is_good(row)
         sys.stdout.write(f"{ {name: value for name, value in row.items() if name != 'paths'} }\n")

@@ -185,7 +185,8 @@ def construct(state: FlightState, path: Path, max_waypoints: int, *, is_whole: b
     ends += range(row - 2, min(row, SHORTEST_ROWS) - 1, -2)
     is_waiting = False
     if goes_on and is_way_behind_taken(state, path):
-        ends = [end for end in ends if end < _row_at_goal(state, path)]
+        at_goal = _row_at_goal(state, path)
+        ends = [end for end in ends if end < at_goal]
         is_waiting = float(np.ptp(path.times_s)) <= HORIZONS * state.rules.time_horizon_s
     if not ends:
         return _refused(state, path, last, WAY_TAKEN)

@@ -21,6 +21,7 @@ import numpy as np
 from companion.flight.construction.loiter_circles import landing_circle
 from companion.flight.construction.mission_construction import construct
 from companion.flight.construction.mission_simulation import STEP_S, at_start, guidance_of
+from companion.flight.construction.way_behind import SLOWEST_M_S
 from companion.flight.state.flight_state import GOAL_RADIUS_M, FlightState
 from companion.flight.state.goals_state import bound_for
 from companion.flight.state.progress import start_at
@@ -36,7 +37,6 @@ from companion.world.vehicle.guidance import Track, track_of_circle, track_of_le
 BY_MISSION = 2.0  # RTL_TYPE.
 DESCENT_S = 60.0  # The aircraft may circle down to the landing for so long.
 ENTRY_OFFSET_RAD = math.radians(25.0)  # The course at the landing's circle may differ by this much.
-SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 LEFT_OUT_MAX = 2  # At most this many of the last waypoints are left out.
 LENGTH_MAX = 80  # Most items of a way on.
 # The course over the circle's centre, relative to the one from the mission's end: a plan is made for each,

@@ -26,6 +26,7 @@ import numpy as np
 from companion.assurance.violation import Violation
 from companion.flight.construction.loiter_circles import circle_of, place_of
 from companion.flight.construction.mission_simulation import guidance_of
+from companion.flight.construction.way_behind import SLOWEST_M_S
 from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray, speed_made_good, wrapped_angle
@@ -40,7 +41,6 @@ from companion.world.vehicle.guidance import Guidance, Track, track_of_circle, t
 JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
 RETURN_MAX_S = 1200.0  # At most this much flight is simulated.
 STEP_S = 0.5  # Time between two rows of a simulated track.
-SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 # A destination at a larger angle off the course lies behind the aircraft; it may then turn to either side,
 # which is simulated by changing the course by the second angle.
 BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)

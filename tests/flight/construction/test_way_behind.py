@@ -20,14 +20,13 @@ from tests.flight.construction.test_cycle import begun, flying, plan, start, sta
 
 RADIUS_M = 150.0
 CIRCLE = (3500.0, 0.0, 100.0)  # 2 km behind the goal, straight on at 25 m/s.
-APPROACH = (3500.0, 0.0, 100.0)
 GOAL_M, PATH_S = 1500.0, 60.0
 NEAR = straight().since(16)  # 44 s to the goal
 
 
-def ended_by(*places, team="team: {members: [1, 2]}"):
+def ended_by(*places):
     """A state whose mission goes on with items at places, each with its command, and a landing far away."""
-    made = begun(team)
+    made = begun("team: {members: [1, 2]}")
     items = [MissionItem(0, Command.DO_LAND_START, MavFrame.MISSION, (0.0,) * 4, 0, 0, 0.0)]
     for command, place in (*places, (Command.NAV_LAND, (4500.0, 0.0, 0.0))):
         latitude, longitude, altitude = made.mission.frame.global_from_local(*place)
@@ -57,10 +56,10 @@ def test_it_ends_in_the_circle_with_which_a_landing_begins():
 
 
 def test_it_ends_before_a_landing_that_begins_without_a_circle():
-    rows, radius_m = flown_to_goal(ended_by((Command.NAV_WAYPOINT, APPROACH)))
+    rows, radius_m = flown_to_goal(ended_by((Command.NAV_WAYPOINT, CIRCLE)))
     assert radius_m == 0.0
-    assert rows[-1, 0] - PATH_S == pytest.approx((APPROACH[0] - GOAL_M) / 25.0, abs=2.0)
-    assert rows[-1, 1] == pytest.approx(APPROACH[0], abs=40.0)
+    assert rows[-1, 0] - PATH_S == pytest.approx((CIRCLE[0] - GOAL_M) / 25.0, abs=2.0)
+    assert rows[-1, 1] == pytest.approx(CIRCLE[0], abs=40.0)
 
 
 @pytest.mark.parametrize("made", [ended_by(), begun()], ids=["a landing only", "nothing"])
