@@ -179,7 +179,8 @@ class ThrustMonitor:
 
     def _loss(self, now_s: float, throttle_max: float, sink_m_s: float | None) -> str:
         """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
-        now, usual = self._rate(now_s), self._usual(now_s)
+        now = self._rate(now_s)
+        usual = None if now is None or now.energy_m_s > 0.0 else self._usual(now_s)
         if now is None or usual is None:
             return ""
         lost, deviation = f"{abs(now.energy_m_s):.1f} m/s of height are lost", usual.deviation_m_s
