@@ -34,7 +34,7 @@ from .flight_measures import FlightMeasures, Measures, measured
 from .simulator import Aircraft, Place, Simulator
 
 SILENT_S = 10.0
-LINGER_S = 2.0  # The flight goes on for so long after the goal.
+LINGER_S = 2.0  # The flight goes on for this time after the goal.
 STATION = (255, 190)  # System and component of the ground station that switches replanning off.
 EPOCH_S = 1_767_225_600.0  # 2026-01-01T00:00:00Z, the day of simulated flights.
 

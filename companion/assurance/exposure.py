@@ -24,7 +24,7 @@ from companion.frames import FloatArray
 from companion.types.path import Path
 from companion.types.threat import Obstacle, Radar, ThreatPicture, TrackState
 
-SPREADS_S = 30.0  # So far ahead it grows less certain where such an aircraft will be.
+SPREADS_S = 30.0  # The position of an aircraft that passes becomes less certain up to this time ahead.
 EYE_M = 2.0  # The eye of a ground vehicle is this high above the ground.
 DEVIATIONS = 2.0  # A pursuer is assumed nearer by this many standard deviations of its position.
 SPACING_M = 30.0  # Between rows farther apart, further points are examined.

@@ -204,13 +204,13 @@ class Game(Struct):
     """The game in which moving threats know the path (:mod:`companion.kernels.threat.pursuit_game`).
 
     ``vehicles`` (D, 8): x y z [m] and when it was there [s], speed, RD_max, how much nearer it may be than it
-    was seen [m], and its kind: 0 drives, 1 flies, 2 hunts nobody. ``arrival`` (G, NX, NY) earliest arrival at
-    a grid's cells [s], ``least`` (G, BX, BY) the earliest in each block of them, for all up to the last that
-    drives; ``tops`` (NX, NY) height of
-    the wall there, minus infinity where there is none [m]; ``lowest`` the least of these heights, infinite
-    without any wall and minus infinity over ground [m]; ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane``
-    1 where threats are at the aircraft's height; ``slack`` by which a place has to be passed before it is
-    under threat [s]; ``ground`` that vehicles drive on, and that hides the aircraft from them.
+    was seen [m], and its kind: 0 drives, 1 flies, 2 pursues nobody. ``arrival`` (G, NX, NY) earliest arrival
+    at a grid's cells [s], ``least`` (G, BX, BY) the earliest in each block of them, for all up to the last
+    that drives; ``tops`` (NX, NY) height of the wall there, minus infinity where there is none [m];
+    ``lowest`` the least of these heights, infinite without any wall and minus infinity over ground [m];
+    ``grid`` (3,) x0 y0 and the spacing [m]; ``is_plane`` 1 where threats are at the aircraft's height;
+    ``slack`` by which a place has to be passed before it is under threat [s]; ``ground`` that vehicles drive
+    on, and that hides the aircraft from them.
     """
 
     vehicles: Float2D
@@ -286,19 +286,19 @@ class NearAircraft(Struct):
 class Pursuers(Struct):
     """The DTs' trees (TTree), one a row of the leading axis.
 
-    ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s];
-    ``count`` (D,) nodes in use; ``model`` (D, 12) speed, RD_max, turn radius, airborne flag, step length, and
-    three more of an aircraft that flies on, whose airborne flag is 2: the vertical separation that it must
-    have [m], the deviation of its height [m], and 1 if it keeps its route for certain. Its rows say where it
-    is now and will be every second. One row more says where it would be in a second if it flew straight. In
+    ``position`` (D, N, 3) [m]; ``heading`` (D, N) [rad]; ``parent`` (D, N); ``time`` (D, N) TS [s]; ``count``
+    (D,) nodes in use; ``model`` (D, 12) speed, RD_max, turn radius, airborne flag, step length, and three
+    more of an aircraft that flies on, whose airborne flag is 2: the vertical separation that it must have
+    [m], the deviation of its height [m], and 1 if it keeps its route for certain. Its rows say where it is
+    now and will be every second. One row more says where it would be in a second if it flew straight. In
     place of its turn radius and step length stand the deviations of its place [m] and of its velocity [m/s].
     Two columns say from when on it circles about its place [s], and with what radius [m]. The last two are
-    the east and north of the direction in which its wrong side lies, no longer than 1.
-    ``reach`` (D,) RD_max once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they
-    drive; ``corners`` (D, 2) first row and number of the nodes at corners of obstacles
-    (:func:`~companion.kernels.printed.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which
-    of them a cell's centre is reached earliest: -1 none, -2 not looked at yet; ``index`` of the TTrees'
-    nodes, ``path_index`` of the PathTree's; ``near`` of which of those that fly on are where.
+    the east and north of the direction in which its wrong side lies, no longer than 1. ``reach`` (D,) RD_max
+    once more, by itself [m]; ``bounds`` (4,) x_min x_max y_min y_max of where they drive; ``corners`` (D, 2)
+    first row and number of the nodes at corners of obstacles
+    (:func:`~companion.kernels.printed.threat_tree.add_corners`), and ``by_corner`` (D, C·C) through which of
+    them a cell's centre is reached earliest: -1 none, -2 not looked at yet; ``index`` of the TTrees' nodes,
+    ``path_index`` of the PathTree's; ``near`` the lists of the aircraft that fly on, by square and time.
     """
 
     position: Float3D

@@ -20,7 +20,7 @@ class GoalEnergy:
     used_wh : float
         Energy used from the start to this goal [Wh].
     left_wh : float
-        Energy left there; negative if it does not last so far [Wh].
+        Energy left there; negative if it does not last to there [Wh].
     left_after_return_wh : float
         Energy left after a straight flight from there back to the start [Wh].
     """

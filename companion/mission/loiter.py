@@ -48,8 +48,8 @@ def circles_along(
 
     An aircraft that is sent to circle the point that it is passing overshoots by half a radius. It joins a
     circle beside that point without turning back. Circles with other ``offsets`` lie round the point, and an
-    aircraft joins them from inside. A circle that would leave the bounds is moved inside them. That one, and
-    one in the middle of which the path ends, may be flown in either direction.
+    aircraft joins them from inside. A circle that would leave the bounds is moved inside them. Such a
+    circle may be flown in either direction, and so may one at whose centre the path ends.
 
     Parameters
     ----------

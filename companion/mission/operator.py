@@ -27,7 +27,7 @@ FIRST_WITHOUT_PLACE = 100  # Commands from this number on, the DO_ commands, hav
 RELATIVE_FRAMES = frozenset({MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT})
 TERRAIN_FRAMES = frozenset({MavFrame.GLOBAL_TERRAIN_ALT, MavFrame.GLOBAL_TERRAIN_ALT_INT})
 ABSOLUTE_FRAMES = frozenset({MavFrame.GLOBAL, MavFrame.GLOBAL_INT})
-BANK_ITEMS_LIMITS = (20, 60)  # Banks of an ArduPlane that are recognised have so many items.
+BANK_ITEMS_LIMITS = (20, 60)  # Least and largest number of items of a bank that is recognised.
 SAME_PLACE_M = 1.0  # Goals closer together than this count as one.
 
 

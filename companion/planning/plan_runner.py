@@ -9,7 +9,7 @@ from typing import Protocol
 from companion.clock import Clock
 from companion.errors import CompanionError
 
-POLL_S = 0.2  # Time between two looks at whether a plan is due.
+POLL_S = 0.2  # Period with which it is checked whether a plan is due.
 NEAR_S = 2.0
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from companion.types.events import BatteryReported
 
-MAX_AGE_S = 30.0  # The messages are requested every 2 s; after so long without one nothing is known.
+MAX_AGE_S = 30.0  # The messages are requested every 2 s; after this time without one nothing is known.
 WINDOW_S = 60.0  # A minute averages gusts and the motor's changes, and is short against a flight.
-SPAN_MIN_S = 30.0  # Over less than half the window a rate says little.
+SPAN_MIN_S = 30.0  # A rate over less than half the window is too inaccurate.
 # A share is reported in whole percent: over five of them the rate is known to a fifth. An aircraft with
 # twenty minutes of flight uses five percent in a minute, one with five hours in a quarter of an hour.
 SHARE_DROP_MIN = 0.0499  # Five steps, less the rounding of their difference.
@@ -19,7 +19,7 @@ LONG_WINDOW_S = 900.0
 ROWS_MAX = 2_000  # Two reports a second for the longest window; of more only the newest are kept.
 # A share that rises by less follows the voltage when the motor slows down; by more, the battery was changed.
 RISE_MAX = 0.05
-EXPECTED_MIN_WH = 1e-3  # A ratio to less expected energy says nothing: the aircraft stands or glides.
+EXPECTED_MIN_WH = 1e-3  # With less expected energy there is no ratio: the aircraft stands or glides.
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ class BatteryEstimator:
 
 
 def _ratio_of(window: tuple[_Row, _Row] | None) -> float | None:
-    """Return measured over expected energy between two reports; None if next to none is expected."""
+    """Return measured over expected energy between two reports; None if almost none is expected."""
     if window is None:
         return None
     first, last = window

@@ -1,7 +1,7 @@
 """Detections of one vehicle, and what successive ones say about each other.
 
 A report can contradict those before it: a place that cannot have been reached, a velocity at which the
-vehicle would not have come so far, a place of before that is sent again, a rate of climb that its altitudes
+vehicle would be elsewhere, an earlier place that is sent again, a rate of climb that its altitudes
 do not show. Recordings of ADS-B have all of these.
 """
 
@@ -18,12 +18,12 @@ from companion.frames import FloatArray
 MOVES_M_S = 5.0  # What reports at least this speed cannot be at exactly the same place again.
 AGE_STEP_S = 1.0  # ADSB_VEHICLE gives the age of a position in whole seconds.
 SPEED_SPARE = 1.5  # A vehicle may have flown faster between two reports than in either; 1.4 was recorded.
-STRAIGHT_S, ASIDE_COSINE = 6.0, 0.5  # In so few seconds hardly an aircraft turns by 60° and moves far.
+STRAIGHT_S, ASIDE_COSINE = 6.0, 0.5  # Within this time hardly any aircraft turns by 60° and flies far.
 # Altitudes of airliners change by up to 30 m/s and those of light aircraft by 15. A report that is refused
 # wrongly is confirmed by the next two.
 CLIMB_MAX_M_S = 60.0
 HEIGHT_NOISE_M = 100.0  # A pressure altitude may differ from a geometric one by this much.
-CLIMB_WINDOW_S = 12.0  # The rate of climb is taken from the altitudes of so long.
+CLIMB_WINDOW_S = 12.0  # The rate of climb is taken from the altitudes of this time.
 CLIMB_SPAN_MIN_S = 4.0  # Altitudes in steps of 25 ft give it to 2 m/s over this time.
 CLIMB_CONTRADICTS_M_S = 20.0  # An aircraft that begins to climb or to descend differs by less.
 

@@ -39,12 +39,12 @@ GUSTS_S = 60.0  # Gusts are observed for this time.
 # More throttle adds energy: from idle to full at least this rate. A small aircraft climbs at 3 m/s or more at
 # full throttle, and flies level at half of it.
 FULL_THROTTLE_M_S = 4.0
-# Of what the throttle adds by the flight so far, so much is expected of more throttle.
+# More throttle is expected to add this share of what throttle has added in the flight before.
 GAIN_SHARE = 0.7
-GAIN_THROTTLE_MIN = 0.08  # At lower throttle that does not show.
-GAIN_RATES_MIN = 20  # Fewer rates do not show it either.
+GAIN_THROTTLE_MIN = 0.08  # Rates at lower throttle do not show what throttle adds.
+GAIN_RATES_MIN = 20  # Fewer rates do not show it, either.
 FASTER_M_S = 1.0  # An airspeed that is higher by more than this costs energy of its own.
-# Where throttle was added that raises the rate by this, energy that does not rise is missing.
+# If throttle that should raise the rate by this was added, energy that does not rise is missing.
 ADDED_M_S = 1.0
 MAD_TO_DEVIATION = 1.4826  # Ratio of the standard deviation to the median absolute deviation (normal).
 LASTS_S = 1.0  # A lack of thrust is a fault after this time.
@@ -169,7 +169,10 @@ class ThrustMonitor:
         """
         if self._is_still(now_s) and self._reported_s - self._asked_since_s >= ASKED_S:
             return "the engine stands still"
-        loss = self._loss(now_s, throttle_max, sink_m_s)
+        now = self._rate(now_s)
+        loss = ""
+        if now is not None and now.energy_m_s <= 0.0:
+            loss = self._loss(now, now_s, throttle_max, sink_m_s)
         if not loss:
             self._lost_since_s = None
             return ""
@@ -177,11 +180,10 @@ class ThrustMonitor:
             self._lost_since_s = now_s
         return loss if now_s - self._lost_since_s >= LASTS_S else ""
 
-    def _loss(self, now_s: float, throttle_max: float, sink_m_s: float | None) -> str:
-        """Return how much energy is lost that thrust would not let be lost, in words; '' if none is."""
-        now = self._rate(now_s)
-        usual = None if now is None or now.energy_m_s > 0.0 else self._usual(now_s)
-        if now is None or usual is None:
+    def _loss(self, now: _Rate, now_s: float, throttle_max: float, sink_m_s: float | None) -> str:
+        """Return in words how much energy is lost although the engine should keep it; '' if none is."""
+        usual = self._usual(now_s)
+        if usual is None:
             return ""
         lost, deviation = f"{abs(now.energy_m_s):.1f} m/s of height are lost", usual.deviation_m_s
         is_open = now.throttle >= OPEN_SHARE * throttle_max
@@ -212,7 +214,7 @@ class ThrustMonitor:
         return max(FULL_THROTTLE_M_S, GAIN_SHARE * float(np.median(working)))
 
     def _usual(self, now_s: float) -> _Usual | None:
-        """Return what is usual; None early on."""
+        """Return the medians of earlier rates; None early in a flight."""
         young, old = REFERENCE_S
         earlier = [rate for rate in self._rates if now_s - rate.stamp_s >= young]
         recent = [rate for rate in earlier if now_s - rate.stamp_s <= old]

@@ -16,7 +16,7 @@ from companion.tracking.turn_estimate import TurnEstimate
 from companion.types.threat import HEIGHT_STD_M, TrackState
 
 SPEED_COLUMNS = np.array([1, 3])
-NEXT_MAX_S = 600.0  # A next point that is farther away says nothing about the route there.
+NEXT_MAX_S = 600.0  # A next point that is farther away in time is not used: the route to it is not known.
 MEMORY = 16  # Number of detections with which new ones are compared to find copies.
 
 

@@ -369,7 +369,7 @@ def _state_of(track: TrackState) -> FloatArray:
 
 
 def _least_dangerous(danger: Mapping[str, _Danger]) -> str:
-    """Return the vehicle that is last in both orders, by distance and by time; each order keeps its first."""
+    """Return the vehicle that is least dangerous by both distance and time."""
     by_distance = sorted(danger, key=lambda identity: danger[identity][0])
     by_time = sorted(danger, key=lambda identity: (danger[identity][1], danger[identity][0]))
     place = {identity: index for index, identity in enumerate(by_distance)}

@@ -18,10 +18,10 @@ import numpy as np
 from companion.frames import FloatArray
 
 RATES_RAD_S = np.radians([-6.0, -4.5, -3.0, -1.5, 0.0, 1.5, 3.0, 4.5, 6.0])  # 3°/s is a standard rate turn.
-STRAIGHT_AT_FIRST = 0.9  # Most aircraft fly straight; two noisy velocities shall not make a turn.
-KEPT_S = 20.0  # A model is left after such a time, in the mean.
-VELOCITY_STD_M_S = 1.5  # Of each reported component.
-ACCELERATION_STD_M_S2 = 1.0  # Of each component, in addition to the turn.
+STRAIGHT_AT_FIRST = 0.9  # Most aircraft fly straight: two noisy velocities must not look like a turn.
+KEPT_S = 20.0  # An aircraft changes its turn rate after this time on average.
+VELOCITY_STD_M_S = 1.5  # Standard deviation of each component of a reported velocity.
+ACCELERATION_STD_M_S2 = 1.0  # Standard deviation of each component, in addition to the turn.
 GAP_MAX_S = 15.0  # The estimate begins anew after a longer silence.
 FAR = 13.8  # It also begins anew if no model expects a velocity: 99.9 % of chi-square, two degrees.
 

@@ -110,7 +110,7 @@ class AutopilotSettings:
     terrain_spacing_m : float or None
         Distance of these heights from each other [m].
     look_ahead_m : float or None
-        An ArduPlane climbs ahead of ground that rises so far ahead, 0 for none [m].
+        An ArduPlane climbs ahead of ground that rises within this distance, 0 for none [m].
     """
 
     acceptance_radius_m: float | None = None

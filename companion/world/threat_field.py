@@ -117,7 +117,7 @@ def sight_floor(snapshot: Snapshot, number: int) -> tuple[FloatArray, tuple[floa
         for first, count in zip((west, south), lowest.shape, strict=True)
     )
     level = np.hypot(east - east_m, (north - north_m)[:, None])
-    level = np.maximum(level - side / math.sqrt(2.0), 0.0)  # That of no place in the cell is less.
+    level = np.maximum(level - side / math.sqrt(2.0), 0.0)  # No place in the cell is nearer.
     boundary = up_m + coefficient * level**2 if coefficient > 0.0 else -np.inf
     return np.where(level <= reach_m, np.maximum(lowest.T, boundary), np.nan), (west, south, side)
 

@@ -16,10 +16,10 @@ from companion.types.elevation import ElevationPosts
 
 BoolArray = NDArray[np.bool_]
 
-SAMPLES_A_POST = 4  # Lines are looked at so often from one post to the next,
-SAMPLE_MIN_M = 2.0  # but not more often than this.
-TOLERANCE_M = 3.0  # The least height over ground may be passed by this much.
-TRACK_TOLERANCE_M = 1.0  # And by this much by a simulated track, from which the aircraft strays.
+SAMPLES_A_POST = 4  # A line has this many samples from one post to the next.
+SAMPLE_MIN_M = 2.0  # Samples are at least this far apart.
+TOLERANCE_M = 3.0  # A height over ground may fall short of the limit by this much.
+TRACK_TOLERANCE_M = 1.0  # A simulated track may fall short by this much; the aircraft strays from it.
 NEAR_EYE_M = 5.0  # Ground this near to either end of a line hides nothing: posts do not show it.
 
 

@@ -17,7 +17,7 @@ from companion.config.source import written_text
 from companion.plain_text import printable
 
 DESCRIPTION_MAX = 500
-DIGITS = 9  # Of a degree: a tenth of a millimetre.
+DIGITS = 9  # Decimals of a degree: the last one is a tenth of a millimetre.
 _NAME_MAX, _SHORT_NAME_MAX, _MISSION_NAME_MAX = 64, 24, 64
 # What is made anew from the places; every other section of a mission is kept as it is.
 _WRITTEN_HERE = {

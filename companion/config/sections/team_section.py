@@ -28,7 +28,7 @@ class TeamConfig(Section):
     tolerance_up_m: Metres = 10.0
     """The same vertically."""
     lost_after_s: Annotated[float, Field(ge=10.0, le=3_600.0)] = 60.0
-    """A member that is not received for so long counts as lost: its approval is not waited for."""
+    """A member that is not received for this time counts as lost: its approval is not waited for."""
     share_goals: bool = False
     """The goals belong to the team: each is flown by one member, and by another one if that is lost or turns
     home. All members have the same goals in their mission files. See [Shared goals](team.md#shared-goals)."""

@@ -20,7 +20,7 @@ from companion.world.ground.served_heights import ServedHeights
 from companion.world.obstacles import NO_GROUND
 
 CACHED_MAPS_MAX = 4
-SERVED_M = 6_000.0  # An autopilot is served heights so far beyond the bounds.
+SERVED_M = 6_000.0  # An autopilot is served heights up to this distance beyond the bounds.
 WANTED_MORE_M = 10.0  # The default of height_wanted_m is height_min_m and this.
 COARSE_M = 150.0  # Posts farther apart do not show the ground that an aircraft flies over.
 

@@ -4,7 +4,7 @@ One principle decides. A candidate mission is a row of the path at which it ends
 commanded airspeed. Each candidate is flown over in simulation by the autopilot's own guidance, from where the
 path begins until one lap of the circle is done, in the wind there is. Waypoints in turns are moved against
 the deviation of that track from the path until the track keeps its clearance (iterative learning control).
-The first candidate whose track has no fault is taken; where none is without, the one with the least.
+The first candidate whose track has no fault is taken. If all have faults, it is the one with the least.
 
 References
 ----------
@@ -60,12 +60,12 @@ TEAM_HORIZONS = 6.0
 HOT_STRETCH = 1.12  # In air 30 K warmer than the standard, ArduPlane's circles are wider by this factor.
 ENDS_MAX = 12  # Ends that are simulated at each airspeed.
 SHORTEST_ROWS = 12  # A mission that covers less of the path is over before the next plan is made.
-RUN_ON_M = 400.0  # Where a goal has no room for a circle, the circle may lie so far behind it.
+RUN_ON_M = 400.0  # Where a goal has no room for a circle, the circle may lie up to this far behind it.
 RUN_ON_ROWS = 4  # Circles behind the goal are tried every four rows, 100 m apart.
-SPACINGS = (1.0, 0.5)  # Waypoints in turns lie as usual first, and half as far apart where that does not do.
+SPACINGS = (1.0, 0.5)  # Spacings of waypoints in turns, as shares of the usual one, tried in this order.
 CORRECTIONS = 3  # Further corrections move waypoints by less than a metre.
 GAIN = 0.8  # Share of a deviation by which a waypoint is moved against it: less than 1 converges.
-LATE_ENTRY_MAX_M = 130.0  # A late aircraft joins a mission at most so far behind its third waypoint.
+LATE_ENTRY_MAX_M = 130.0  # A late aircraft joins a mission at most this far behind its third waypoint.
 SLOWED_M_S = 2.0  # An aircraft this much faster than cruise has to be commanded to slow down.
 NO_ROOM = Violation("bank", 0, 0.0, 0.0, "no part of the path fits the bank")
 NO_CIRCLE = Violation("ending", 0, 0.0, 0.0, "no circle along the path has room")

@@ -29,11 +29,11 @@ TERRAIN_SPACING_M, TERRAIN_LOOKAHD_M = 100.0, 2_000.0  # ArduPlane's defaults.
 LOOK_AHEAD_SHARE = 0.5  # ArduPlane looks ahead for ground that rises faster than at this share of its climb.
 BANK_MAX_DEG = 80.0  # A larger limit of the bank is a misreading.
 LAP_PLACES = 13  # Places on a circle at which the threat level is looked up.
-SLOWEST_M_S = 3.0  # Ground speed by which a lap in strong wind is timed at least.
+SLOWEST_M_S = 3.0  # The ground speed by which a lap is timed is at least this.
 AT_ONCE_M_S2 = 100.0  # Any change of airspeed is over within a quarter of a second.
 STEP_S = 0.5  # Time between two rows of a simulated track.
 DETOUR_MAX_M = 500.0  # A flight over waypoints is longer than their path by less than that.
-GUSTS_M = 3.0  # Turbulence moves an aircraft so far off its track.
+GUSTS_M = 3.0  # Turbulence moves an aircraft up to this far off its track.
 TOUCHING_M = 1.0  # A track that comes nearer to something is not flown.
 BOUNDS_TOLERANCE_M = 5.0  # A turn may leave the bounds by this distance, since they are no walls.
 # Largest difference of the wind at a mission's end from the wind now, east and north [m/s].

@@ -22,7 +22,7 @@ from companion.types.path import Path
 from companion.world.vehicle.guidance import track_of_circle, track_of_legs
 
 GOAL_TOLERANCE_M = 5.0  # A path reaches the goal if it ends this close to the goal's region.
-JOINED_S = 90.0  # The aircraft has come round in the circle by then.
+JOINED_S = 90.0  # The aircraft has joined the circle and flown a lap of it in this time.
 SLOWEST_M_S = 5.0  # The assumed ground speed is not lower.
 DESCENT_M_S = 1.0  # An aircraft sinks at this rate at least.
 WAY_MAX_S = 900.0  # A longer way on is cut off.

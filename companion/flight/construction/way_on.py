@@ -35,7 +35,7 @@ from companion.world.snapshot import Snapshot
 from companion.world.vehicle.guidance import Track, track_of_circle, track_of_legs
 
 BY_MISSION = 2.0  # RTL_TYPE.
-DESCENT_S = 60.0  # The aircraft may circle down to the landing for so long.
+DESCENT_S = 60.0  # The aircraft may circle down to the landing for this time.
 ENTRY_OFFSET_RAD = math.radians(25.0)  # The course at the landing's circle may differ by this much.
 LEFT_OUT_MAX = 2  # At most this many of the last waypoints are left out.
 LENGTH_MAX = 80  # Most items of a way on.
@@ -48,7 +48,7 @@ ITERATIONS_MAX = 4_000  # A plan takes no longer than a few of the usual ones.
 def way_on(
     state: FlightState, path: Path, waypoints: Waypoints, covered_until_s: float, snapshot: Snapshot
 ) -> FloatArray | None:
-    """Return the waypoints of the way on: those that keep clear, else those that do for longest.
+    """Return the waypoints of the way on: those that keep clear, else those that keep clear for longest.
 
     A landing may itself be too near to something; the way to it need not be.
 

@@ -28,7 +28,7 @@ from companion.types.state import Ownship
 # What a pilot steers is announced 30 s ahead, what an autopilot flies by itself 120 s: one that circles has
 # come round by then. Each is announced again after half of that.
 STEERED_S, KNOWN_S = 30.0, 120.0
-OFF_S = 2.0  # An aircraft that is off its plan for so long flies something else.
+OFF_S = 2.0  # An aircraft that is off its plan for this time flies something else.
 STANDS_M_S = 3.0  # An aircraft that is slower than this stands on the ground.
 WAITS_S = 15.0  # Approval takes up to 7 s in a team of eight that loses every fifth message, a turn 8 s.
 

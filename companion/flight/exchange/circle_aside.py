@@ -29,9 +29,9 @@ from companion.mission.team.shared_plan import SharedPlan
 from companion.types.events import MissionCurrent, Motion
 from companion.types.path import Path
 
-STEP_M, FARTHEST_M = 60.0, 1_500.0  # Circles are tried in rings so far apart, up to the last.
+STEP_M, FARTHEST_M = 60.0, 1_500.0  # Circles are tried in rings this far apart, up to the second distance.
 BEARINGS = 24  # Circles of one ring.
-ASIDE_S = 30.0  # A mission has to lead to the circle elsewhere in this time, which is ten plans.
+ASIDE_S = 30.0  # Ten plans are made in this time; one of them has to lead to the other circle.
 
 
 class CircleAside:

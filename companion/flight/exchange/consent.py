@@ -14,7 +14,7 @@ class Team(Consent, Protocol):
     """The members of a team, as the rest of the service sees them."""
 
     def propose(self, constructed: ConstructedMission, /) -> str:
-        """Ask for a mission that is to be entered; return with what it conflicts, '' for nothing."""
+        """Ask for a mission that is to be entered; return what it conflicts with, '' for nothing."""
 
     def end(self, *, is_flown: bool) -> None:
         """Note whether the mission is flown now."""

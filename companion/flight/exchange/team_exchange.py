@@ -183,7 +183,7 @@ class TeamExchange:
     # --- proposals
 
     def propose(self, constructed: ConstructedMission) -> str:
-        """Propose what is flown if a mission is entered; return with whom that conflicts, '' for nobody.
+        """Propose what is flown if a mission is entered; return whom that conflicts with, '' for nobody.
 
         It is announced instead if what is flown now meets an obstacle before the others could approve.
 

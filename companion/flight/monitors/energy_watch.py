@@ -32,7 +32,7 @@ from companion.types.path import Path
 from companion.types.state import Ownship
 
 ANNOUNCED_S = (60.0, 30.0)  # The pilot is informed this long before the aircraft must turn back.
-EARLY_S = 1.5  # A little earlier, because the margin is computed once a second.
+EARLY_S = 1.5  # Both texts come this much earlier, because the margin is computed once a second.
 FAR_AGAIN_S = 30.0  # Both are announced again once the time has exceeded the first by this much.
 # The last minute counts less than the whole flight by as much as rising and sinking air may change it.
 RECENT_SHARE = 0.9

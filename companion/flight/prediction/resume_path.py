@@ -21,7 +21,7 @@ from companion.types.state import Ownship
 
 CHECKED_S = 45.0  # The resume path is checked this far; by then a new plan is flown.
 LASTING_S = 10.0  # A handback is called safe if it stays so for this time.
-LOOK_S = 2.5  # The aircraft hands back at moments this far apart in that time.
+LOOK_S = 2.5  # Handbacks are simulated at moments this far apart in that time.
 
 
 @dataclass(frozen=True, slots=True)

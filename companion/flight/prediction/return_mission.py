@@ -92,7 +92,7 @@ def return_mission(
     path : Path
         A path to the place.
     flown_m : float
-        For this distance it is the flown path [m].
+        Length of its first part, which is the flown path [m].
     place : GoalRegion
         Where the return path ends.
     is_landing : bool

@@ -1,4 +1,4 @@
-"""Whether the service keeps a return path, where it may end, and it as the flown path."""
+"""Return paths: whether one is kept, where it may end, and how its rest becomes the flown path."""
 
 from __future__ import annotations
 

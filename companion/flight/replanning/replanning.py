@@ -58,7 +58,7 @@ STEP_WORDS = {  # Words in the pilot's text about each step.
     EmergencyStep.RETURN_TO_LAUNCH: "returning to launch",
 }
 RETURN_BLOCKED = "the way home does not keep clear any more"  # Recorded if return to launch became unsafe.
-BARRED_S = 15.0  # Others are requested to move once nothing has led to the goal for so long, and again.
+BARRED_S = 15.0  # Time without a mission to the goal after which others are requested to move, and again.
 # After this many failed swaps in a row the pilot is informed that the flown path is kept.
 FAILED_SWAPS_MAX = 3
 

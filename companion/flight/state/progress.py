@@ -213,6 +213,6 @@ def missed_goal(path: Path, goals: Sequence[GoalRegion]) -> tuple[Violation, ...
 
 
 def keeps_limits(state: FlightState, rest: Path) -> tuple[bool, bool]:
-    """Return whether the rest of the flown path keeps all limits, and all but threat and quality."""
+    """Return whether the rest of the flown path keeps all limits, and whether it keeps the hard ones."""
     found = violations_of_rest(state, rest)
     return not found, keeps_hard_constraints(found)

@@ -20,7 +20,7 @@ from companion.types.mission import MissionItem
 READ_AGAIN_S = 2.0  # Shortest time between two readings, of which the first may have failed.
 # Time between readings of a list whose changes the autopilot does not report to all links.
 LOOK_INTERVAL_S = 10.0
-PARAMETERS_S = 5.0  # The takeover waits so long for the autopilot's parameters: a mission is made with them.
+PARAMETERS_S = 5.0  # The takeover waits this long for the autopilot's parameters: missions depend on them.
 FRESH_S = 2.0  # Such a list is read again at the takeover if the last reading is older.
 
 

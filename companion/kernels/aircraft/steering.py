@@ -243,7 +243,7 @@ def fly_targets(
                     wanted = _height_over_ground(state, share, begin, end, law, ground) + ahead
                 else:
                     wanted = _height(share, begin, end, law)
-                if target > last:  # on along its line
+                if target > last:  # It flies on along its line.
                     end[0] += 1e3 * (end[0] - begin[0])
                     end[1] += 1e3 * (end[1] - begin[1])
                 pull = leg_acceleration(state[0], state[1], ve, vn, begin, end, law)

@@ -39,10 +39,11 @@ class Wave(Struct):
     """A wave over the nodes of a field.
 
     ``start`` (6,) is where it begins: x y z [m], when [s], the airspeed [m/s] and the direction [rad].
-    ``rate`` (NX, NY, NZ) is what a second counts in it, infinite where nothing flies. ``value`` (NX, NY, NZ)
-    receives what the way to a node counts, ``time`` (NX, NY, NZ) how long it takes at the airspeed that is
-    gone to [s], and ``danger`` (NX, NY, NZ) the danger there by then. Nothing passes a node where that is
-    above ``danger_max``; ``price`` is that of the danger below it. No turn is narrower than ``radius`` [m].
+    ``rate`` (NX, NY, NZ) is the cost of a second at each node, infinite where nothing flies. ``value`` (NX,
+    NY, NZ) receives the cost of the way to a node, ``time`` (NX, NY, NZ) its duration at cruise [s], and
+    ``danger`` (NX, NY, NZ) the danger at the node on arrival. The wave stops at nodes with more danger than
+    ``danger_max``. Less danger costs ``price`` times itself a second. No turn is narrower than ``radius``
+    [m].
     """
 
     start: Float1D
@@ -57,7 +58,7 @@ class Wave(Struct):
 
 @kernel
 def time_to_fly(length: float, v: float, limits: Limits) -> float:
-    """Time to fly so far [m] from airspeed ``v`` [m/s] on, which changes to cruise as soon as it can [s]."""
+    """Time to fly ``length`` [m], beginning with airspeed ``v`` [m/s] and changing to cruise at once [s]."""
     change = limits.v_cruise - v
     a = limits.a_max if change >= 0.0 else -limits.a_max
     settling = (limits.v_cruise * limits.v_cruise - v * v) / (2.0 * a)

@@ -1,11 +1,11 @@
 """Safe-RRT's tree, grown best first along the cost-to-go field.
 
 A node is a state with its time and the objective J so far. The node with the least ``J + weight·V`` is
-extended by a few motions: a turn either way or straight flight, in space with three climb angles, at cruise
-or going to it. Of nodes in the same cell of place, direction and turn one that is neither cheaper nor earlier
-than another is dropped. V knows no limits on turns. With ``weight`` 1 the first node at the goal is the best
-of the tree but for the cells and for V's error. With more it is found sooner and costs at most so many times
-as much.
+extended by a few motions: a turn to either side or straight flight, in space with three climb angles, at
+cruise or changing to it. A cell is a place, a direction and a turn. A node is dropped if another one in its
+cell is as cheap and as early. V knows no limits on turns. With ``weight`` 1 the first node at the goal is the
+best of the tree but for the cells and for V's error. With more it is found sooner and costs at most so many
+times as much.
 
 Symbols: ``at`` the node that is extended, ``v`` airspeed, ``w`` turn rate, ``wp`` climb rate.
 
@@ -184,7 +184,7 @@ def fly_on(nodes: Nodes, first: int, at: int, way: int, phi: float, limits: Limi
 def level_at(out: Float1D, time: float, scene: Scene, work: Workspace) -> float:
     """Threat level of radars, and of aircraft that fly on, to the state ``out`` (6,).
 
-    Those that hunt are kept away from anyhow.
+    Pursuers are left out: ``danger_max`` keeps paths away from them.
     """
     trees = scene.pursuers
     for d in range(scene.pursuers.count.shape[0]):

@@ -29,9 +29,9 @@ from companion.kernels.workspace import FilterScratch, PathRows
 HEIGHT_HELD_M = 5.0  # Autopilots hold the height of a path within this.
 HIGHER_SHARE = 0.1  # The share of the time in which the aircraft is higher than planned by nearly that.
 SEEN = 0.5  # A second counts as in sight from this membership on.
-CLIMB_STD = 0.25  # Standard deviation of how far an aircraft that flies on climbs, as a share of that.
-# Danger just inside a well clear volume, and in its middle; just outside it is 1. With 1 inside, too, flights
-# reached goals in time through the rim of a volume.
+CLIMB_STD = 0.25  # Standard deviation of the climb of an aircraft that flies on, as a share of the climb.
+# Danger just inside a well clear volume, and in its middle. Just outside it is 1. With 1 inside as well,
+# paths led through the rims of volumes.
 AT_SURFACE, AT_CENTRE = 3.0, 7.0
 # The same where an aircraft keeps its route for certain: beyond a few metres inside, no search passes it.
 AT_KEPT_CENTRE = 100.0
@@ -124,8 +124,8 @@ def passing_danger(pursuers: Pursuers, d: int, x: float, y: float, z: float, tim
 
     It rises from :data:`AT_SURFACE` to :data:`AT_CENTRE` in the well clear volume. Outside it falls from 1 to
     0 at a margin, which is wider on its wrong side (:mod:`companion.world.right_of_way`). The volume is wider
-    by the standard deviation of where the aircraft will be. One that turns, or says where it flies
-    next, may do so, or fly straight on from now; the worse counts.
+    by the standard deviation of where the aircraft will be. An aircraft that turns, or says where it flies
+    next, may also fly straight on from now. The larger danger of the two counts.
     """
     last = pursuers.count[d] - 2
     worst = danger_if(passing_place(pursuers, d, time, last), pursuers, d, x, y, z, time)
@@ -190,7 +190,7 @@ def lack_of_clearance(x: float, y: float, z: float, from_prisms: float, objectiv
 
 @kernel
 def prism_clearance_up_to(x: float, y: float, z: float, enough: float, obstacles: Obstacles) -> float:
-    """Clearance from prisms [m]; ``enough`` where it is known without looking at them that there is more."""
+    """Clearance from prisms [m], or ``enough`` if a lower bound already shows that there is as much."""
     if prism_bound(x, y, z, obstacles) >= enough:
         return enough
     return prism_clearance(x, y, z, obstacles, enough)

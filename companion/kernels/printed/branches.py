@@ -14,7 +14,7 @@ from companion.kernels.search.growth import next_stage, renew_covariance
 from companion.kernels.search.path_edit import breaks_turn_rule
 from companion.kernels.workspace import FilterScratch, Walk
 
-SETTLED = 1e-4  # Below this change of δ_q the descendants keep their covariance.
+SETTLED = 1e-4  # If δ_q changes by less than this, the nodes below keep their covariance.
 
 
 @inlined

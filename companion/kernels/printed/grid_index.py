@@ -1,8 +1,8 @@
 """Nearest nodes of a growing tree: its places sorted into square cells.
 
-A tree grows at its end and is cut back at its end, so its index follows lazily: a query first takes in
-what has been added and lets go of what was taken away (:func:`follow`). Answers are those of a look at
-all nodes: the ``k`` nearest in the plane, equal distances by row.
+A tree grows at its end and is cut back at its end, so its index follows lazily: a query first takes in what
+has been added and lets go of what was taken away (:func:`follow`). The answers are the same as if all nodes
+were compared: the ``k`` nearest in the plane, equal distances by row.
 
 Symbols: ``rows`` (N, ≥ 2) the tree's places as they are [m]; ``bounds`` (4,) x_min x_max y_min y_max [m].
 """

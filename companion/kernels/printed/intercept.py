@@ -23,7 +23,7 @@ NUM_BEARINGS = 16  # Bearings at which q_B is sought, first those nearest to the
 EYE_M = 2.0  # Sight lines start this far above the ground.
 # An airborne DT climbs at most by this share of its speed: more than aircraft and most drones do.
 AIR_CLIMB = 0.5
-NUM_HALVINGS = 4  # The way on from q_B is halved so often where its end is not free or does not see the node.
+NUM_HALVINGS = 4  # The way on from q_B is halved up to this often, where its end is blocked or unseen.
 
 
 @kernel_numpy_errors

@@ -38,7 +38,7 @@ SPREADS_S = 30.0  # The position of an aircraft that flies on becomes less certa
 # An aircraft that flies on counts as nearer by this many standard deviations. With 2, more than twice as many
 # encounters became detours in which nothing would have happened; as many lost well clear.
 PASSING_STD = 1.0
-NEWS_M = 15.0  # A position of the DT that is nearer by this much is looked at again.
+NEWS_M = 15.0  # A node is listed as changed if the DT's position is nearer by at least this.
 EX_RRT, RRT_REACH, RRT = 0, 1, 2
 
 
@@ -198,7 +198,7 @@ def come_nearer(
     trees: Pursuers, d: int, j: int, place: tuple[float, float, float, float], prisms: Obstacles,
     spot: Float1D, out: Float2D,
 ) -> None:  # fmt: skip
-    """Keep the DT's nearest position through TTree node ``j`` where it is nearer than the one before.
+    """Keep the DT's nearest position through TTree node ``j`` if it is nearer than the known one.
 
     ``place`` x y z and the time at which the aircraft is there; ``spot`` (6,) is overwritten; ``out`` (D, 4)
     positions [m] and 1 where one is known.
@@ -285,7 +285,7 @@ def dt_positions(
 
 @kernel_numpy_errors
 def note_reached(probe: Probe, d: int, i: int, num: int) -> int:
-    """Keep the DT's nearest position of ``scratch.spot`` for a node; list the node where that is news."""
+    """Keep the DT's position in ``scratch.spot`` for a node, and list the node, if it is news."""
     tree, out, changed = probe.tree, probe.scratch.spot, probe.scratch.changed
     points, state = tree.threat_point, tree.state
     if points[i, d, 3] > 0.0:

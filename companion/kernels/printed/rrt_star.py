@@ -34,7 +34,7 @@ from companion.kernels.search.path_edit import JOINED, air_time, is_clear, is_fl
 from companion.kernels.workspace import MAX_ROWS, PATH_PICKS, EdgeScratch, PathRows, Workspace
 
 STAR_DRAWS = 16  # Uniform random numbers that an iteration uses.
-GAIN = 1e-6  # An edge that lowers the cost by less is no better.
+GAIN = 1e-6  # An edge that lowers the cost by less than this is not used.
 
 
 @kernel

@@ -27,7 +27,7 @@ from companion.kernels.workspace import MAX_PATH, PathRows, Workspace
 JOINED, NOT_FLYABLE, TOO_LONG = 0, 1, 2
 ONE_TURN_M = 0.1  # Two turns to the same side with less straight flight between them are one turn.
 HEIGHT_TOLERANCE_M = 1e-3
-UNSURE = 0.25  # From this share of the least turn on, an edge counts neither as straight nor as a turn.
+UNSURE = 0.25  # An edge between this share of the least turn and the whole is neither straight nor a turn.
 SPEED_GAP_M_S = 0.5  # The speeds at the ends of an edge between two poses may differ by this much.
 SPEED_SPARE_M_S = 0.1  # A short cut may begin faster than the row that it leads to by this much.
 SPEED_TOLERANCE_M_S = 1e-3  # A speed may exceed what an edge can gain by this much.
@@ -298,7 +298,7 @@ def fill_short_cut(
 
     Returns the new number of rows, or 0 if it is not, and the row that ``j`` has become.
     """
-    if rows.states[i, 5] > rows.states[j, 5] + SPEED_SPARE_M_S:  # Otherwise it would stay fast to its end.
+    if rows.states[i, 5] > rows.states[j, 5] + SPEED_SPARE_M_S:  # The edge would be too fast up to its end.
         return 0, 0
     status, m, at = splice(rows, n, i, rows.states[i], False, j, limits, out)
     if status != JOINED or out.times[at] >= rows.times[j] or not is_flyable(out, m, i + 1, limits):

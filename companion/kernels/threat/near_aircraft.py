@@ -16,8 +16,8 @@ from companion.kernels.native.kernel import inlined, kernel
 from companion.kernels.printed.reachability import PASSING_STD, SPREADS_S
 from companion.kernels.printed.threat_tree import FLIES_ON
 
-MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path that comes so near to a well clear volume costs more.
-WRONG_SIDE_M = 500.0  # On the side on which it should not be passed, the margin is wider by this.
+MARGIN_M, MARGIN_UP_M = 150.0, 15.0  # A path within this distance of a well clear volume costs more.
+WRONG_SIDE_M = 500.0  # The margin is wider by this on the side on which the aircraft should not be passed.
 SLACK_M = 1.0  # Boxes are this much wider than necessary.
 CELL_M = 250.0  # Width of a square.
 CELLS_MAX = 40  # Most squares each way; in larger worlds they are wider.

@@ -30,7 +30,7 @@ STANDS_M = 1.0
 BEARING_CELLS = 1.5  # Largest distance of two lines of sight at the rim of a DT's reach, in cells.
 # The difference of two cells' arrivals overestimates their distance by at most this many cells.
 ROUNDED_CELLS = 3.0
-NEAR_M = 1e-9  # A place is at least so far away, where it is divided by that.
+NEAR_M = 1e-9  # A distance that is divided by is at least this.
 # Cells along each side of a block: where a DT reaches none of them in time, no line of sight is cast.
 BLOCK = 8
 
@@ -339,7 +339,7 @@ def pop_least(keys: Float1D, values: Int1D, size: int) -> int:
 
 @kernel
 def threatened_rows(states: Float2D, times: Float1D, first: int, n: int, game: Game) -> tuple[float, float]:
-    """Return when a path is first under threat, and for how long in all [s].
+    """Return when a path is first under threat, and for how long altogether [s].
 
     Of rows ``first`` to ``n - 1`` of ``states`` (N, 6) at ``times`` (N,) [s]; infinite and 0 where it never
     does.

@@ -77,7 +77,7 @@ def best_place(
 
 
 def is_near(choice: LandingChoice) -> bool:
-    """Return whether the field is so near that a final to it is flown to its end."""
+    """Return whether the field is near enough that a final to it is flown to its end."""
     return choice.away_m < BOUND_RADII * choice.approach.radius_m
 
 

@@ -41,7 +41,7 @@ RING_MARGIN_M = 25.0  # Distance that circles keep from obstacles: an aircraft e
 ROOMY_MARGIN_M = 70.0  # Circles with this clearance are preferred: a final may begin with a turn outwards.
 TRACK_MARGIN_M = 25.0  # Distance that glides keep from obstacles: they begin a little elsewhere.
 LOW_SHARE = 0.15  # A glide is checked again with this share more loss of height.
-# To a place this far behind, by heading or by course, the autopilot may turn to either side.
+# The autopilot may turn to either side towards a place that is this far behind, by heading or by course.
 EITHER_TURN_RAD = math.radians(135.0)
 # Open ground is sought on this many courses, at these shares of the reach.
 OPEN_COURSES, OPEN_SHARES = 16, (0.9, 0.7, 0.5, 0.3, 0.15)

@@ -1,7 +1,7 @@
 """The agreement of a team: a member takes a new plan only when every other member has approved it.
 
-Each member has at most one committed plan, which it flies, and at most one proposed plan. It tells the
-proposal and flies on by the committed plan meanwhile. A member that approves a proposal keeps its own plans
+Each member has at most one committed plan, which it flies, and at most one proposed plan. It sends the
+proposal, and flies the committed plan meanwhile. A member that approves a proposal keeps its own plans
 clear of it, and of the sender's committed plan, until the sender says that the proposal is committed,
 withdrawn or replaced. The proposer commits when every member that is not lost has approved exactly this plan.
 
@@ -50,7 +50,7 @@ from companion.mission.team.wire import (
 )
 
 REQUEST_SIMPLIFY_M = 20.0  # A request is no promise, so its path may be coarse and short.
-REQUESTED_S = 5.0  # A request is told for so long, once a second or less often.
+REQUESTED_S = 5.0  # A request is sent for this time, at most once a second.
 REQUEST_LASTS_S = 30.0  # It is answered within this time: the circle may be in use for something else.
 
 
@@ -158,7 +158,7 @@ class Agreement:
         )
 
     def members_lost(self, now_s: float) -> frozenset[int]:
-        """Return the members that were silent for so long that their approval is not waited for."""
+        """Return the members whose approval is not waited for, because they were silent for too long."""
         since_s = now_s - self._settings.lost_after_s
         return frozenset(other for other, at_s in self._received_s.items() if at_s <= since_s)
 

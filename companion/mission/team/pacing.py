@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from companion.mission.team.team_settings import TeamSettings
 from companion.token_bucket import TokenBucket
 
-BURST_S = 10.0  # A member that was quiet so long may send all it saved at once.
+BURST_S = 10.0  # A member may save up its share of this time, and send it at once.
 
 
 class Pacing:

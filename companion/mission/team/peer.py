@@ -31,7 +31,7 @@ class Peer:
 
     @property
     def is_known(self) -> bool:
-        """True if the plan is here to which the member says it is committed."""
+        """True if the plan to which the member is committed has arrived."""
         if self.standing is None or self.standing.committed is None:
             return True
         return self.committed is not None and self.committed.number == self.standing.committed

@@ -11,7 +11,7 @@ from companion.frames import FloatArray
 
 NUMBERS = 1 << 16  # Plan numbers are counted in 16 bits and begin again.
 ROUNDED_S = 2e-5  # Rounding moves a time that counts as one of the clock's ticks by less than this.
-ROUND_S, ROUND_M = 15.0, 30.0  # An aircraft has come round if it is so near to where it was so long before.
+ROUND_S, ROUND_M = 15.0, 30.0  # A lap is flown once it is this near to where it was this time before.
 LAPS_M = 5.0  # Laps of the same circle differ by less than this.
 LOOK_S = 1e-4  # Two places of a path this far apart in time differ by some millimetres, save at a jump.
 

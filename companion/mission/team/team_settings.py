@@ -16,9 +16,9 @@ class TeamSettings:
     apart_up_m : float
         Vertical distance that suffices where the horizontal one is not kept [m].
     lost_after_s : float
-        A member of which nothing is received for so long counts as lost [s].
+        A member of which nothing is received for this time counts as lost [s].
     deviating_after_s : float
-        A member that is off its plan for so long counts as deviating [s].
+        A member that is off its plan for this time counts as deviating [s].
     reply_s : float
         Least time between two reports that answer others [s].
     repeat_s : float

@@ -34,9 +34,9 @@ LEVELS_MAX, LEVEL_MIN_M = 16, 15.0
 LEVELS_OVER_GROUND = 6  # Levels between the limits of height over ground.
 TURN_SHARE = 0.8  # Over ground, columns are at least this many turn radii apart: a step turns by an eighth.
 WIND_STEP_M_S = 0.5
-ROUNDED_M = 0.01  # The lowest nodes lie so far above the lowest height.
-HEAP_SHARE = 8  # Each node may wait so often in the heap.
-QUEUE_SHARE, NUM_BUCKETS = 2, 4096  # Each node may wait so often in each direction in the buckets.
+ROUNDED_M = 0.01  # The lowest nodes lie this far above the lowest height.
+HEAP_SHARE = 8  # Each node may be in the heap this many times.
+QUEUE_SHARE, NUM_BUCKETS = 2, 4096  # Each node may be in the buckets this many times a direction.
 V_ERROR = 1.05  # On the grid, V of places that the best path passes is too large by less than this factor.
 ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
@@ -239,9 +239,9 @@ def field_before_pursuers(
     objective : Objective
         What V adds up.
     danger_max : float
-        Most danger from pursuers at which a place may be passed; with the most there is nothing is barred.
+        Most danger from pursuers at which a place may be passed; :data:`MOST_DANGER` bars nothing.
     cost_max : float
-        A path that costs more is not wanted [s].
+        A path that costs more than this is not sought [s].
     is_coarse : bool
         Whether twice the usual spacing is enough.
     """

@@ -30,10 +30,10 @@ from companion.types.plan import SearchTrace
 # lower factor, airspeeds would change because of turns that the other aircraft often does not continue.
 FASTER_FROM = 2.0
 GAP_M = (
-    25.0  # Gaps that are wider than the margin by less are closed where V led to one that cannot be flown.
+    25.0  # A second V closes gaps that exceed the margin by less than this: the first led into such a gap.
 )
-NEXT_TO_NOTHING = 1.005  # Other aircraft that make a path cost so many times as much need no second search.
-FINISHING_S = 5.0  # Leading a path to the goal's centre may cost so much more than straight flight to there.
+NEXT_TO_NOTHING = 1.005  # If others raise a path's cost by less than this factor, one search is enough.
+FINISHING_S = 5.0  # A path to the goal's centre may cost this much more than straight flight to there.
 
 
 class Patience(NamedTuple):
@@ -182,8 +182,8 @@ class LeastRouteSearch:
     def _past_others(self) -> Searched:
         """Return the cheapest path past aircraft that fly on, at cruise or faster.
 
-        V includes their predicted positions only if they add to the cost of a path that is found soon
-        without that. A higher airspeed is tried, too, if they make the flight at cruise much more expensive.
+        V includes their predicted positions only if they add to the cost of a path that is first sought
+        without them. A higher airspeed is tried, too, if they make the flight at cruise much more expensive.
         """
         cruise, alone = self._airspeeds[0], self._field_alone()
         if not len(self._exploration.game.vehicles):
@@ -210,7 +210,7 @@ class LeastRouteSearch:
         return found.cost_s <= NEXT_TO_NOTHING * objective_between(without, found.route)
 
     def _to_goals_before(self) -> Searched:
-        """Return a path to as many goals, in their order, as can be reached; the last one cannot."""
+        """Return a path to as many goals, in their order, as can be reached: the last one cannot be."""
         exploration, whole = self._exploration, self._exploration.problem
         searched = Searched(
             route_from_tree(exploration, 0), math.inf, self._airspeeds[0].objective, SearchTrace(), 1

@@ -16,7 +16,7 @@ from companion.planning.route import Route, assess_route, cost_between, pursuit_
 
 SPARE_ROWS = 64
 ASIDE = 0.5  # A detour is no wider than this share of its length: 27° to one side.
-LEAST_GAIN_S = 1e-9  # What lowers J by less gains nothing.
+LEAST_GAIN_S = 1e-9  # A change that lowers J by less than this is not kept.
 
 
 def shortened_route(
@@ -70,7 +70,7 @@ def replaced(
     rng = exploration.rng
     i, j = drawn_stretch(rng, len(route), 1.0 - max(progress, 0.0))
     if progress < 0.0:
-        i = int(i * rng.random() ** 2)  # Near others time is short: most detours begin early.
+        i = int(i * rng.random() ** 2)  # Others are met soon, so most detours begin near the start.
         return i, detour(exploration, route, i, j, out)
     cut = short_cut(exploration, route, i, j, out)
     return i, None if cut is None else cut[0]
@@ -124,7 +124,7 @@ def short_cut(
 ) -> tuple[Route, int] | None:
     """Return the route with a Dubins edge from row ``i`` to ``j``, if that is sooner, flyable and clear.
 
-    With it the row that ``j`` has become. It lies in ``out`` (:func:`room_for`).
+    The second result is the row that ``j`` has become. The route lies in ``out`` (:func:`room_for`).
     """
     obstacles = exploration.problem.snapshot.obstacles
     m, at = fill_short_cut(route.rows, len(route), i, j, exploration.limits, obstacles, out)

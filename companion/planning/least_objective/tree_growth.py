@@ -39,15 +39,15 @@ class GrowthRules:
     Parameters
     ----------
     weight : float
-        Times which V counts.
+        Factor by which V is multiplied.
     danger_max : float
         Most danger from pursuers at which a place may be passed.
     most : int
         How many nodes may be extended.
     cost_max : float
-        A path that costs as much is not worth finding [s].
+        A path that costs this much or more is not sought [s].
     stride : int
-        How many steps a motion has at least. One node is enough in a cell that is as long.
+        How many steps a motion has at least. A cell is as long, and keeps one node.
     """
 
     weight: float
@@ -125,7 +125,7 @@ class ObjectiveTree:
         return float(self.nodes.cost[self.end]) if self.end >= 0 else math.inf
 
     def grow(self, should_stop: Callable[[], bool]) -> None:
-        """Grow to the last goal, or until time is over, but not before the tree has had a chance."""
+        """Grow to the last goal, or until time is over and :data:`LEAST_EXTENDED` nodes are extended."""
         extended = 0
         while self.end == UNFINISHED and extended < self._most:
             self.end = int(grow_best_first(self._search, min(BURST, self._most - extended)))
@@ -152,7 +152,7 @@ class ObjectiveTree:
 
 
 def _empty_nodes(num: int) -> Nodes:
-    """Room for so many nodes."""
+    """Return room for ``num`` nodes."""
     return Nodes(
         state=np.empty((num, 6)),
         parent=np.empty(num, dtype=np.int64),

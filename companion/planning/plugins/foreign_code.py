@@ -1,6 +1,6 @@
 """Code of other packages: found by entry points, loaded when it is named, its faults named with its package.
 
-Foreign code may raise anything. Nothing of that leaves here but an error of ours, so that no fault of another
+Foreign code may raise anything. It leaves this module as an error of ours, so that no fault of another
 package ends a program that flies.
 """
 

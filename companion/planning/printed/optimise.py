@@ -46,7 +46,7 @@ def rrt_star_route(
 ) -> Optimised:
     """RRT* on what remains of the tree: below the first waypoint that is not reached meanwhile.
 
-    In space it goes on while it gains, until it is asked to stop or the iterations are used up.
+    In space it continues while the cost falls, until it has to stop or the iterations are used up.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def rrt_star_route(
     rewired = pruned = 0
     least, done, idle = settings.optimise_iterations, 0, 0
     most = max(least, settings.optimise_iterations_max)
-    # In the plane next to nothing is gained, but paths come to lie along the limits; an edge holds the speed
+    # In the plane the cost hardly falls, but paths come to lie along the limits: an edge keeps the speed
     # that it begins with.
     if exploration.limits.dimension == 2 or tree.state[0, 5] > exploration.limits.v_cruise:
         most = least
@@ -138,8 +138,8 @@ def smoothed_route(
     """Smooth a path by Dubins curves: short cuts between its waypoints, until the iterations are used up.
 
     Rewiring on the path alone, judged by the cost with the DTs where they can be when a row is passed.
-    Pairs are drawn at random, wide ones first: the reach shrinks from the whole path to a few steps. All of
-    them together cost next to nothing of Q.
+    Pairs are drawn at random, wide ones first: the reach shrinks from the whole path to a few steps. Together
+    they hardly lower Q.
 
     Returns
     -------
@@ -180,7 +180,7 @@ def smoothed_route(
 
 
 def is_no_worse(exploration: Exploration, known: Assessment, log_risk: float) -> bool:
-    """Return whether a route costs no Q, where that counts.
+    """Return whether a route does not lower Q, if the method uses Q.
 
     Parameters
     ----------

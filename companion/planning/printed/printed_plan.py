@@ -37,7 +37,7 @@ from companion.types.plan import Plan, SearchTrace
 def plan_by_sub_tasks(
     exploration: Exploration, should_stop: Callable[[], bool], timer: Callable[[], float], flown: Path | None
 ) -> Plan:
-    """Return the plan that sub tasks come to, as the paper prints it; its costs are those of (9).
+    """Return the plan that sub tasks find, as the paper prints it; its costs are those of (9).
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def plan_by_sub_tasks(
     timer : callable
         Seconds, for the measure PST only.
     flown : Path or None
-        What is left of the path being flown; it is the plan where it can be made cheaper than the new one.
+        The rest of the flown path. It becomes the plan if, once shortened, it costs less than the new one.
     """
     problem, began = exploration.problem, timer()
     search = SubTasks(exploration)
@@ -85,7 +85,7 @@ def plan_by_sub_tasks(
 def _finished(
     exploration: Exploration, route: Route, end: int, should_stop: Callable[[], bool], notes: list[str]
 ) -> tuple[Route, Assessment]:
-    """A route that reached the goal, joined to it, optimised and adjusted; and what is known along it."""
+    """Return a route to the goal, led to its centre, optimised and adjusted, and its assessment."""
     problem = exploration.problem
     route = finished_route(exploration, route, np.array(problem.goals[-1].position_enu_m))
     if problem.settings.strategies.optimiser is Optimiser.RRT_STAR:

@@ -41,7 +41,7 @@ def adjusted_route(
     int
         How many waypoints moved.
     Assessment
-        The adjusted route's, so that nobody has to make it again.
+        The assessment of the adjusted route.
     """
     collision_max = exploration.problem.settings.adjust_collision_max
     moved, k = 0, 0
@@ -102,7 +102,7 @@ def _moved(
 ) -> tuple[Route, int] | None:
     """Return the route with row ``k`` shifted and joined to rows before and after it, if flyable and clear.
 
-    With it the row in which what was laid anew ends.
+    The second result is the row at which the new edges end.
 
     Parameters
     ----------

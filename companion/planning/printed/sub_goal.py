@@ -35,7 +35,7 @@ class SubGoal:
     position_enu_m : ndarray, shape (3,)
         East, north, up [m].
     note : str
-        What had to be given up to have one, '' if nothing.
+        Which rule this sub goal breaks, '' if none.
     """
 
     position_enu_m: FloatArray
@@ -98,7 +98,7 @@ def choose_sub_goal(
     straight line of (6) does not see.
 
     Points near one that was chosen before come last: the formula alone would lead back into a trap.
-    Where every point is removed, the least-cost one clear of obstacles is taken and said so.
+    If every point is removed, the cheapest one that is clear of obstacles is taken, with a note.
 
     Parameters
     ----------

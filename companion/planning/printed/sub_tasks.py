@@ -37,7 +37,7 @@ class SubTasks:
     centres : list of ndarray, shape (3,)
         Centres of the sensing horizon of each sub task [m].
     notes : list of str
-        What had to be given up on the way.
+        Which rules sub goals on the way break.
     """
 
     def __init__(self, exploration: Exploration) -> None:
@@ -54,7 +54,7 @@ class SubTasks:
         return int(self.exploration.stats[3]) >= self._budget_end or should_stop()
 
     def allow_threatened_nodes(self) -> None:
-        """Search again from the start, where pursuers bar all ways; they bar none any more."""
+        """Search again from the start; pursuers bar no way any more, because they barred all."""
         self.notes.append("no path that pursuers could not bar was found")
         self._budget_end = int(self.exploration.stats[3]) + self._problem.settings.max_iterations
         self.exploration.allow_threatened_nodes()

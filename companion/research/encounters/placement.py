@@ -26,7 +26,7 @@ from companion.research.encounters.well_clear import SMALL_AIRCRAFT
 
 TRIES_MAX = 10_000
 LOWEST_M = 30.0  # No aircraft of an encounter comes lower.
-APART_S = 3.0  # The nearest approach is at most so far from the time at which the two are to meet.
+APART_S = 3.0  # The nearest approach is within this time of the one at which the two are to meet.
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,8 +43,8 @@ ORDERINGS = (
 ALL = "All encounters"
 CURVES = (
     "Above, the share of all runs with at most that value; a curve ends at the share of runs that have one. "
-    "Below, how frequent values are, of so many runs that have one: a dot is the median, a bar holds the "
-    "middle half."
+    "Below, how frequent values are, with the number of runs that have one: a dot is the median, a bar "
+    "holds the middle half."
 )
 VERDICTS_HEAD = (
     "mission", "setting", "table", "measure", "less", "more", "printed_less", "printed_more", "pairs",

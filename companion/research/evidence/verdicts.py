@@ -104,7 +104,7 @@ def verdicts_table(of_case: list[Judged], title: str) -> ResultTable:
         ("difference", "ours, paired: below zero as printed"),
         ("pairs", "seeds on which both have a value"),
         ("verdict", ""),
-        ("remark", "runs: so many show a difference of this size in 80 of 100 campaigns"),
+        ("remark", "runs: this many show a difference of this size in 80 of 100 campaigns"),
     )
     rows = []
     for entry in of_case:

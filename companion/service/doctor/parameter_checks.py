@@ -89,7 +89,7 @@ ARDUPLANE = (
     ParameterCheck(
         "WP_RADIUS",
         lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
-        f"set {FLY_BY_M:g}: paths are checked for turns that begin so far before a waypoint",
+        f"set {FLY_BY_M:g}: paths are checked for turns that begin this far before a waypoint",
     ),
 )
 PX4 = (

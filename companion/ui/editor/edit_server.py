@@ -24,9 +24,9 @@ from companion.ui.page.ground import Ground
 from companion.ui.page.pages import HEADERS, Pages
 
 BODY_MAX = 2_000_000  # Bytes of a request.
-TIMEOUT_S = 10.0  # A browser has this long to send a request, and to accept the answer.
+TIMEOUT_S = 10.0  # Time in which a browser has to send a request, and to accept the answer.
 CONNECTIONS_MAX = 32
-POLL_S = 0.1  # The server ends within this time.
+POLL_S = 0.1  # The server notices within this time that it has to end.
 PAGE = "/edit/edit.html"
 _JSON = "application/json"
 _DIGITS_MAX = 9
@@ -78,7 +78,7 @@ class EditServer:
                     owner._room.release()
 
             def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401, ARG002
-                """Log what was not foreseen; a browser that closed its connection is nothing."""
+                """Log an unexpected error; a browser that closed its connection is none."""
                 if not isinstance(sys.exception(), OSError):
                     _log.exception("internal error")
 

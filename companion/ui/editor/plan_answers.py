@@ -39,7 +39,7 @@ SLIDERS: dict[str, tuple[float, float]] = {
 
 
 class SupersededError(CompanionError):
-    """A newer plan is asked for, and nobody wants this one."""
+    """A newer plan was requested, so that this one is not needed."""
 
 
 def sliders() -> list[dict[str, object]]:

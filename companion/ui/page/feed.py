@@ -1,7 +1,7 @@
 """The feed of a running flight: a viewer first receives all that is needed, then each message.
 
-The recorder tells the feed in the service's event loop, where it puts bytes into lists and no more; the
-page's server takes them in a thread of its own. However slow that is, or dead, what waits is bounded.
+The recorder calls the feed in the service's event loop, where the feed only puts bytes into lists. The
+page's server takes them in a thread of its own. Even if that thread hangs, the waiting bytes are bounded.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ HISTORY_S = 1.0  # Time between rows of the flown path; of longer flights every 
 HISTORY_MAX = 2_000
 DECISIONS_KEPT = 300
 BRIEFS_KEPT = 1_000  # Plans and exchanges that are kept without their paths, for the strips.
-PLANS_KEPT = 8  # Whole plans that are kept; one of them is flown.
+PLANS_KEPT = 8  # Number of whole plans that are kept; one of them is flown.
 NEWS_MAX = 2_000  # Most messages that wait for the server: those of a minute and a half.
 LAST = (
     channels.PLAN, channels.TREES, channels.TRACKS, channels.THREAT, channels.OWNSHIP, channels.LINK,
@@ -66,7 +66,7 @@ class Feed:
         self._wake = wake
 
     def begin_flight(self) -> None:
-        """Another flight begins: those who look on forget the one before."""
+        """Begin another flight: viewers forget the one before."""
         with self._lock:
             self._begin()
             self.world = None
@@ -84,7 +84,7 @@ class Feed:
         self._tell_server()
 
     def notice(self, topic: str, data: bytes) -> None:
-        """Take what the recorder's next message says again: for who looks on now, and kept for nobody."""
+        """Pass on a message for present viewers only; the recorder's next message has the same content."""
         with self._lock:
             self._add_news(line_of(topic, data))
         self._tell_server()

@@ -26,7 +26,7 @@ from companion.ui.page.ground import Ground
 from companion.ui.page.pages import Pages
 from companion.ui.page.playback import Playback
 
-CONNECTIONS_MAX = 48  # Three viewers' browsers open six connections each; the rest is reserve.
+CONNECTIONS_MAX = 48  # Three viewers' browsers open six connections each; the rest is in reserve.
 TIMEOUT_S = 10.0  # A viewer has this long to send a request, and to accept what is sent.
 WAITING_MAX = 4 * 2**20  # Most bytes that wait for a viewer.
 ALIVE_S = 10.0  # Without news, a viewer gets an empty message this often.
@@ -178,7 +178,7 @@ class PageServer:
             return
         line.setsockopt(
             socket.SOL_SOCKET, socket.SO_SNDBUF, _PORTION
-        )  # The system keeps little for the viewer, too.
+        )  # The operating system buffers little for the viewer, too.
         viewer = _Viewer(line, self._now_s() + TIMEOUT_S)
         self._viewers.add(viewer)
         self._selector.register(line, selectors.EVENT_READ, lambda: self._go_on(viewer))
@@ -276,7 +276,7 @@ class PageServer:
 
 
 def _events(lines: Sequence[bytes], kind: str = "news") -> bytes:
-    """Lines as one event, which the browser gets at once; its id is the time of sending [ms of UTC]."""
+    """Return lines as one event, which browsers get at once; its id is the time of sending [ms of UTC]."""
     kind = f"{kind}\nid: {time.time() * 1e3:.0f}"
     return (
         b"event: "

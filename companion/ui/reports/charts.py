@@ -31,7 +31,7 @@ LATERAL_M = 30.0
 NUM_OBSTACLE_SAMPLES_MAX = 1500
 # Colours of the threats that came nearest.
 COLOURS = (style.DYNAMIC, style.FLOWN, style.SUB_GOAL, style.RADAR)
-NAME_CHARACTERS = 14  # Most characters of a name in a legend.
+NAME_CHARACTERS = 14  # Largest number of characters of a name in a legend.
 REACHES_SHOWN = 4.0  # Distances are shown up to this many reaches.
 KINDS_MAX, OTHERS = 40, "others"  # The program has fewer kinds of decisions.
 

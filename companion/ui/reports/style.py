@@ -46,7 +46,7 @@ GROUND: Final = "#8c7a5e"
 HALO: Final = (withStroke(linewidth=2.4, foreground="white"),)
 DPI: Final = 150
 LINE_SPACING_PT: Final = 4.0
-# Where a text is tried beside its point, east and north, and the share of its size that then lies before it.
+# Positions of a text beside its point, east and north, and the share of the text that lies before the point.
 OFFSETS: Final = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 SHARE_LEFT: Final = {1: 0.0, 0: 0.5, -1: 1.0}
 

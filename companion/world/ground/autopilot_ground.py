@@ -24,7 +24,7 @@ from companion.world.ground.bilinear import bilinear
 BLOCK_POSTS, BLOCK_STEPS = (28, 32), (24, 28)  # Posts of a block, and from block to block; north and east.
 KEY_PLACES = np.array([10**11, 10**8, 10**4, 1])  # They make one number of a block's degrees and numbers.
 NODES_A_POST = 4  # Nodes of the local frame's grid from post to post.
-BEYOND_M = 1_000.0  # The ground is known so far beyond the bounds.
+BEYOND_M = 1_000.0  # The ground is known up to this distance beyond the bounds.
 Heights = Callable[[FloatArray, FloatArray], FloatArray]
 
 

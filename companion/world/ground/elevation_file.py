@@ -1,4 +1,4 @@
-"""Heights of the ground out of raster files, by rasterio."""
+"""Heights of the ground from raster files, read by rasterio."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read_posts(
     geoid_m : float
         Is subtracted from all heights [m].
     beyond_m : float
-        Posts are read so far beyond the bounds [m]. Those that the map lacks there are not a number.
+        Posts are read up to this distance beyond the bounds [m]. Those that the map lacks there are NaN.
 
     Raises
     ------

@@ -14,8 +14,8 @@ from companion.world.ground.elevation_file import TerrainError
 
 SPACING_M = 30.0
 MORE_M = 90.0  # Posts reach this far beyond the bounds.
-HILL_M = 280.0  # Hills are about so wide.
-RIDGE_EVERY_M, RIDGE_M = 1_500.0, 230.0  # Ridges are so far apart, and have this standard deviation.
+HILL_M = 280.0  # Hills are about this wide.
+RIDGE_EVERY_M, RIDGE_M = 1_500.0, 230.0  # Distance between ridges, and their standard deviation.
 PASS_M, PASS_SHARE = 260.0, 0.7  # Passes have this standard deviation, and are lower by this share.
 ROUGH_SHARE = 0.15  # This share of the relief of ridges is hills.
 SAMPLE_FILE = "jacksboro_fault_dem.npz"

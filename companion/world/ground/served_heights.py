@@ -1,4 +1,4 @@
-"""Heights above the sea at places on the globe, for whoever asks; unknown beyond the map and in its holes."""
+"""Heights above the sea by latitude and longitude; they are unknown beyond the map and in its holes."""
 
 from __future__ import annotations
 

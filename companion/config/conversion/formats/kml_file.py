@@ -89,7 +89,7 @@ def _take_placemark(importer: Importer, placemark: ET.Element, folder_kind: Kind
         kind = folder_kind or _by_first_word(name)
     else:
         kind = kind_named(written)
-        name = "" if name == written else name  # Export names a place so that has no name.
+        name = "" if name == written else name  # Export gives this name to a place without one.
         if kind is None:
             importer.leave(f"placemark of kind {written!r}", name, "a mission file has no such kind")
             return

@@ -50,7 +50,7 @@ def take_radar_table(importer: Importer, data: bytes) -> None:
 
 
 def _columns(importer: Importer, header: Sequence[str]) -> dict[str, int]:
-    """Return the place of each known column."""
+    """Return the position of each known column."""
     columns: dict[str, int] = {}
     for place, written in enumerate(header):
         plain = written.strip().lower().replace(" ", "_")
