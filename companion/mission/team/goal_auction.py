@@ -8,7 +8,7 @@ auction. The bid is the time of arrival, as in the rule BidMaxPath, and a goal t
 
 What is known only grows: a later bid replaces an earlier one, and a goal that is flown stays flown. So lost,
 late and repeated messages, and their order, make no difference once the latest of each member has arrived.
-``docs/team.md`` says why nothing oscillates and why each goal ends flown.
+``docs/team-agreement.md`` says why nothing oscillates and why each goal ends flown.
 
 References
 ----------

@@ -20,7 +20,7 @@ from tests.mission.team.shared_goal_flights import TEXT, mission_of
 from tests.mission.team.team_plans import BEGIN_S, FRAME, SETTINGS
 
 PLACE = st.tuples(st.floats(-3000.0, 3000.0), st.floats(-3000.0, 3000.0))
-# Goals are farther apart than two circles (docs/team.md).
+# Goals are farther apart than two circles (docs/team-agreement.md).
 SPOTS = st.tuples(st.integers(-6, 6), st.integers(-6, 6), st.floats(-0.08, 0.08), st.floats(-0.08, 0.08))
 GOALS = st.lists(SPOTS, min_size=1, max_size=9, unique_by=lambda spot: spot[:2]).map(
     lambda spots: [(500.0 * (column + east), 500.0 * (row + north)) for column, row, east, north in spots]
