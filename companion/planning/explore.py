@@ -162,9 +162,10 @@ class Exploration:
 
     def _limits_at(self, airspeed_m_s: float) -> Limits:
         """Return the limits of motion at an airspeed [m/s], at least the cruise airspeed."""
-        asked, world = self.problem.settings, self.problem.snapshot
-        return self.problem.vehicle.at_speed(airspeed_m_s).limits(
-            world.dimension, world.bounds, asked.clearance_min_m, asked.tau_s, world.wind_enu_m_s
+        problem, world = self.problem, self.problem.snapshot
+        margin_m, tau_s = problem.settings.clearance_min_m, problem.settings.tau_s
+        return problem.vehicle.at_speed(airspeed_m_s).limits(
+            world.dimension, world.bounds, margin_m, tau_s, world.wind_enu_m_s, problem.start.airspeed_m_s
         )
 
     def start_afresh(self, airspeed_m_s: float) -> None:

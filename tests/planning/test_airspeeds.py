@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from companion.assurance.checker import Checker
 from companion.config import load_mission, mission_from_text
 from companion.config.offline_problem import offline_problem, offline_world
 from companion.config.rules import rules_of
@@ -18,6 +19,7 @@ from companion.world.vehicle.vehicle_model import VehicleModel
 from tests.games.generator import random_game
 from tests.games.oracle import first_threatened_s, game_of
 from tests.sim.client import CONFIGS
+from tests.support.paths import check_limits
 from tests.support.worlds import problem, track
 
 pytestmark = pytest.mark.compiled
@@ -107,6 +109,29 @@ def test_who_still_flies_fast_turns_wide_until_it_is_slow(wind):
     assert path.speeds_m_s[-1] == pytest.approx(25.0, abs=0.1)
     found = rules_of(mission).checker.check_path(path, wind_enu_m_s=wind)
     assert [str(violation) for violation in found] == []
+
+
+@pytest.mark.parametrize("goal_up_m", [100.0, 1400.0])
+@pytest.mark.parametrize(("first_m_s", "speed_m_s"), [(18.0, 25.0), (25.0, 37.5), (36.0, 25.0)])
+def test_climbs_and_descents_are_possible_while_the_aircraft_is_still_slow(first_m_s, speed_m_s, goal_up_m):
+    """In 8 m/s of wind astern.
+
+    A plan that was to be flown at 37.5 m/s was once given the slope of that speed from its first second,
+    and the check refused it.
+    """
+    wind = (8.0, 0.0)
+    asked = problem(
+        dimension=3, bounds=(-6000.0, 6000.0, -6000.0, 6000.0, 50.0, 1500.0), start=(0.0, 0.0, 750.0),
+        direction=0.0, goal=(3500.0, 0.0, goal_up_m),
+    )  # fmt: skip
+    start = replace(asked.start, airspeed_m_s=first_m_s)
+    vehicle = asked.vehicle.at_speed(speed_m_s)
+    world = replace(asked.snapshot, wind_enu_m_s=wind)
+    path = solve(replace(asked, start=start, vehicle=vehicle, snapshot=world)).path
+    assert path.speeds_m_s[0] == first_m_s
+    assert np.ptp(path.positions_enu_m[:20, 2]) > 40.0
+    limits = check_limits(bounds=asked.snapshot.bounds, margin_m=asked.settings.clearance_min_m)
+    assert [str(found) for found in Checker((), limits).check_path(path, wind_enu_m_s=wind)] == []
 
 
 def test_where_no_path_is_safe_the_seconds_under_threat_have_a_price():

@@ -8,8 +8,8 @@ withdrawn or replaced. The proposer commits when every member that is not lost h
 No two committed plans conflict then, whatever messages are lost, late, doubled or out of order. Let one
 member commit P with the other's approval. At its approval the other had compared P with the plan it was
 committed to and with its own proposal, and all that it proposed later is clear of P. So whatever it is
-committed to when P is committed is clear of P. ``docs/team-agreement.md`` has the whole argument, and what it says of
-lost members.
+committed to when P is committed is clear of P. ``docs/team-agreement.md`` has the whole argument, and what it
+says of lost members.
 
 References
 ----------

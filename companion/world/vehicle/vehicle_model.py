@@ -86,7 +86,7 @@ class VehicleModel:
             self, airspeed_cruise_m_s=airspeed_m_s, turn_radius_min_m=self._radius_at(airspeed_m_s)
         )
 
-    def slope_in(self, angle_rad: float, wind_m_s: float) -> float:
+    def slope_in(self, angle_rad: float, wind_m_s: float, airspeed_m_s: float) -> float:
         """Return the ground slope of a climb angle flown downwind, the flattest that is guaranteed [rad].
 
         Parameters
@@ -96,17 +96,22 @@ class VehicleModel:
         wind_m_s : float
             Speed of the wind [m/s]; a reserve is added, by the factor
             :data:`~companion.kernels.aircraft.motion.WIND_RESERVE`.
+        airspeed_m_s : float
+            Airspeed; above cruise the slope at cruise is returned, the flatter one [m/s].
         """
         if wind_m_s == 0.0:
             return angle_rad
-        speed = self.airspeed_cruise_m_s
+        speed = min(airspeed_m_s, self.airspeed_cruise_m_s)
         return math.atan2(speed * math.sin(angle_rad), speed * math.cos(angle_rad) + WIND_RESERVE * wind_m_s)
 
     def limits(
         self, dimension: int, bounds: tuple[float, ...], margin_m: float, tau_s: float,
-        wind_enu_m_s: tuple[float, float] = (0.0, 0.0),
+        wind_enu_m_s: tuple[float, float] = (0.0, 0.0), from_airspeed_m_s: float = math.inf,
     ) -> Limits:  # fmt: skip
         """Return the kernels' form: the limits over the ground in the wind.
+
+        A wind flattens the climb of a slow aircraft more than that of a fast one. The climb limits hold from
+        the first airspeed on, therefore they are those of the lower one of the first airspeed and cruise.
 
         Parameters
         ----------
@@ -120,6 +125,8 @@ class VehicleModel:
             Duration of one step in still air [s].
         wind_enu_m_s : tuple of float
             Velocity of the air over the ground, east and north [m/s].
+        from_airspeed_m_s : float
+            Airspeed at the start of the path [m/s].
         """
         wind = math.hypot(*wind_enu_m_s)
         return Limits(
@@ -130,8 +137,8 @@ class VehicleModel:
             r_min=self.turn_radius_in(wind),
             sideways_max=self._sideways_max_m_s2,
             straight_min=self.straight_length_min_m,
-            climb_max=self.slope_in(self.climb_angle_max_rad, wind),
-            descent_max=self.slope_in(self.descent_angle_max_rad, wind),
+            climb_max=self.slope_in(self.climb_angle_max_rad, wind, from_airspeed_m_s),
+            descent_max=self.slope_in(self.descent_angle_max_rad, wind, from_airspeed_m_s),
             pitch_rate_max=self.pitch_rate_max_rad_s,
             margin=margin_m,
             tau=tau_s,

@@ -50,8 +50,11 @@ def test_wind_makes_turns_wider_and_slopes_flatter_by_hand():
     assert VEHICLE.turn_radius_in(5.0) == 125.0  # 113 m would do
     assert VEHICLE.turn_radius_in(0.0) == 125.0
     # 25·sin 10° = 4.341 m/s of climb over 24.620 + 11 m/s: 6.95 degrees.
-    assert VEHICLE.slope_in(np.radians(10.0), 10.0) == pytest.approx(np.radians(6.949), abs=1e-5)
-    assert VEHICLE.slope_in(0.17, 0.0) == 0.17
+    assert VEHICLE.slope_in(np.radians(10.0), 10.0, 25.0) == pytest.approx(np.radians(6.949), abs=1e-5)
+    # 18·sin 10° = 3.126 m/s of climb over 17.727 + 11 m/s: 6.21 degrees. Above cruise it is that at cruise.
+    assert VEHICLE.slope_in(np.radians(10.0), 10.0, 18.0) == pytest.approx(np.radians(6.210), abs=1e-5)
+    assert VEHICLE.slope_in(np.radians(10.0), 10.0, 36.0) == pytest.approx(np.radians(6.949), abs=1e-5)
+    assert VEHICLE.slope_in(0.17, 0.0, 25.0) == 0.17
 
 
 def test_gusts_add_to_the_process_noise_by_hand():
