@@ -2,14 +2,14 @@
 
 An engine adds energy. Two observations of the specific energy ``h + v²/2g`` show that it does not: the
 energy falls although the throttle is open, or its rate is much lower than a few seconds ago although the
-throttle is no lower than then. More throttle at no more airspeed must raise the rate. How much one share of
+throttle is no lower than then. More throttle raises the rate, more airspeed lowers it. How much one share of
 throttle adds shows in flight: it makes up for the sink of a glide, and for what is climbed. An engine that
 reports its speed is seen to stand still.
 
 References
 ----------
 J. D. Anderson, *Aircraft Performance and Design*, 1999, eq. (6.30): specific energy (energy height), and its
-rate, the specific excess power.
+rate, the specific excess power; chapter 5: the power that drag takes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ FULL_THROTTLE_M_S = 4.0
 GAIN_SHARE = 0.7
 GAIN_THROTTLE_MIN = 0.08  # Rates at lower throttle do not show what throttle adds.
 GAIN_RATES_MIN = 20  # Fewer rates do not show it, either.
-FASTER_M_S = 1.0  # An airspeed that is higher by more than this costs energy of its own.
+# At its usual airspeed an aircraft's lift is at least this multiple of its drag. The power that drag takes
+# rises with the third power of airspeed at most (parasite drag alone).
+GLIDE_RATIO_MIN = 5.0
 # If throttle that should raise the rate by this was added, energy that does not rise is missing.
 ADDED_M_S = 1.0
 MAD_TO_DEVIATION = 1.4826  # Ratio of the standard deviation to the median absolute deviation (normal).
@@ -191,10 +193,9 @@ class ThrustMonitor:
             return f"{lost} with the throttle open"
         if now.throttle < max(usual.throttle - SAME_THROTTLE, WORKING_SHARE):
             return ""
-        is_faster = now.airspeed_m_s > usual.airspeed_m_s + FASTER_M_S
-        gain_m_s = FULL_THROTTLE_M_S if is_faster else self._gain_m_s(now_s, sink_m_s)
-        added_m_s = gain_m_s * max(now.throttle - usual.throttle, 0.0)
-        loss_min_m_s = LOSS_M_S if is_faster or added_m_s < ADDED_M_S else 0.0
+        added_m_s = self._gain_m_s(now_s, sink_m_s) * max(now.throttle - usual.throttle, 0.0)
+        added_m_s -= _cost_of_speed_m_s(now.airspeed_m_s, usual.airspeed_m_s)
+        loss_min_m_s = LOSS_M_S if added_m_s < ADDED_M_S else 0.0
         expected = usual.energy_m_s + added_m_s
         has_dropped = now.energy_m_s < expected - max(DROP_M_S, DROP_DEVIATIONS * deviation)
         is_lost = has_dropped and now.energy_m_s <= -loss_min_m_s
@@ -245,3 +246,9 @@ class ThrustMonitor:
         """Return the present rate; None without fresh samples."""
         last = self._rates[-1] if self._rates else None
         return last if last is not None and now_s - last.stamp_s <= WINDOW_S else None
+
+
+def _cost_of_speed_m_s(airspeed_m_s: float, usual_m_s: float) -> float:
+    """Return how much more energy drag may take than at the usual airspeed [m/s]; 0 if no faster."""
+    ratio = max(airspeed_m_s / max(usual_m_s, 1.0), 1.0)
+    return usual_m_s / GLIDE_RATIO_MIN * (ratio**3 - 1.0)

@@ -100,6 +100,13 @@ def test_more_throttle_that_holds_a_higher_airspeed_is_none():
     assert told_s(rows, sink=1.7) is None
 
 
+def test_a_fast_descent_with_the_throttle_of_slow_level_flight_is_none():
+    """At 36 m/s drag takes up to 24 / 5 · (1.5³ − 1) = 11.4 m/s more than at 24 m/s; no more is told."""
+    for sink, is_told in ((7.0, False), (13.0, False), (14.0, True)):
+        rows = level(20.0, throttle=0.25) + sinking(20.0, 24.0, sink, 0.25, airspeed=36.0)
+        assert (told_s(rows) is not None) is is_told
+
+
 def test_a_loss_that_begins_with_less_throttle_is_none():
     """The throttle is closed for 1.4 s; as much height is lost for 1.6 s more while the thrust comes back."""
     closed, opened = sinking(20.0, 21.4, 3.0, 0.1), sinking(21.4, 23.0, 3.0, 0.2, up=120.0 - 3.0 * 1.4)
