@@ -116,7 +116,7 @@ class Checker:
         wind_enu_m_s : tuple of float
             Velocity of the air over the ground, east and north [m/s].
         wind_std_m_s : float
-            Standard deviation of that velocity: time stamps may be off accordingly [m/s].
+            Standard deviation of that velocity: times, turns and climbs may be off accordingly [m/s].
         picture : ThreatPicture, optional
             The sighted threats, from which the exposure of the path is computed here.
         may_come_back : bool

@@ -27,9 +27,12 @@ class Wind:
 class GroundSpeeds:
     """Ground speeds on the edges of a path of N rows, (N - 1,) each.
 
-    ``most`` and ``least`` (N - 1,) are ratios to the airspeed and include the wind's uncertainty.
-    ``fastest_m_s`` (N - 1,) is the ground speed in the wind as stated, ``level_m_s`` (N - 1,) the horizontal
-    part of the airspeed.
+    ``most`` and ``least`` (N - 1,) are the largest and the least ratio to the airspeed. ``fastest_m_s``
+    (N - 1,) is the ground speed for turns and climbs, ``level_m_s`` (N - 1,) the horizontal part of the
+    airspeed.
+
+    They hold in the wind, within one standard deviation of the estimate, in which the path is easiest to fly:
+    an estimate that changes by that much does not make a path impossible.
     """
 
     most: FloatArray
@@ -58,7 +61,7 @@ def ground_speeds(path: Path, edges: Edges, wind: Wind) -> GroundSpeeds:
     return GroundSpeeds(
         most=(speeds.max(axis=0) + wind.std_m_s) / level,
         least=np.maximum(speeds.min(axis=0) - wind.std_m_s, 0.0) / level,
-        fastest_m_s=speeds.max(axis=0),
+        fastest_m_s=speeds.max(axis=0) - wind.std_m_s,
         level_m_s=level,
         is_windy=wind.east_m_s != 0.0 or wind.north_m_s != 0.0,
     )

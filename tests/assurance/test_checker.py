@@ -488,3 +488,17 @@ def test_a_climb_downwind_is_flatter_over_the_ground():
         assert (rules(free_checker().check_path(blown(path, wind), wind_enu_m_s=wind)) == {"climb"}) is steep
     path, _ = flown([(250.0, 0.0, 0)], climb=math.radians(-7.5))
     assert rules(free_checker().check_path(blown(path, wind), wind_enu_m_s=wind)) == {"climb"}
+
+
+@pytest.mark.parametrize(("std_m_s", "possible"), [(0.0, False), (0.2, False), (1.0, True)])
+def test_an_uncertain_wind_allows_what_is_possible_within_its_deviation(std_m_s, possible):
+    """With 1 m/s less: 38²/(9.80665·tan 40°) = 175.5 m; 25·sin 10° over 25·cos 10° + 9 m/s: 7.36 degrees.
+
+    Once a flown path was unsafe because the estimated wind had risen by half a metre per second.
+    """
+    turning, _ = flown([(200.0, 178.0, 1)], course=-0.7)
+    climbing, _ = flown([(250.0, 0.0, 0)], climb=math.radians(7.33))
+    for path, speed, rule in ((turning, 14.0, "turn_radius"), (climbing, 10.0, "climb")):
+        wind = (0.0, speed)
+        found = free_checker().check_path(blown(path, wind), wind_enu_m_s=wind, wind_std_m_s=std_m_s)
+        assert rules(found) == (set() if possible else {rule})
