@@ -335,6 +335,7 @@ class Replanning:
         is_urgent = request.is_urgent or request.start.rest is not None
         start = begin_now(state, ownship, self.handover.reader.current, snapshot, is_urgent=is_urgent)
         if flown_passes(state, start):
+            self._schedule.retry(now + RETRY_S, "no plan passed")
             self._announce(EmergencyStep.KEEP_FLOWN, "it still passes", DecisionKind.KEEP)
             return
         home = (

@@ -27,3 +27,25 @@ def test_no_emergency_plan_is_made_if_the_last_goal_is_gone_while_a_plan_fails(m
     monkeypatch.setattr(replanning, "flown_passes", lambda *_: False)
     harness.fly(40.0)
     assert len(failed_s) == 1
+
+
+def test_a_plan_that_does_not_pass_is_made_again_soon_although_the_flown_path_passes(monkeypatch):
+    """In an encounter an urgent plan was refused, and the risen threat was left unanswered for 18 s."""
+    harness = SitlHarness(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"))
+    conclude, judged_s = replanning.conclude_either, []
+
+    def failing_once(*arguments, **named):
+        found, least_threat = conclude(*arguments, **named)
+        if harness.now_s < 10.0:
+            return found, least_threat
+        judged_s.append(harness.now_s)
+        if len(judged_s) > 1:
+            return found, least_threat
+        refused = replace(found.decision, verdict=Verdict.REJECTED)
+        return replace(found, decision=refused, constructed=None), None
+
+    monkeypatch.setattr(replanning, "conclude_either", failing_once)
+    harness.fly(60.0)
+    first, second, third = judged_s[:3]
+    assert 3.0 <= second - first <= 5.0
+    assert third - second > 10.0  # the time horizon, because the second one passes
