@@ -28,7 +28,8 @@ from companion.types.state import Ownship
 from companion.types.threat import TrackState
 
 OFF_TRACK_M = 60.0  # An aircraft with this lateral deviation does not follow its path.
-SLOW_SHARE = 0.7  # An aircraft slower than this share of the path's speed over ground is slow.
+# An aircraft is slow below this share of the path's speed over ground, less the wind's standard deviation.
+SLOW_SHARE = 0.7
 LASTS_S = 3.0  # A deviation counts after this time.
 THRUST_AGAIN_S = 5.0  # Thrust is back once energy was gained for this time.
 SINK_MIN_M_S = 0.3  # The time to the ground is announced if it sinks faster.
@@ -158,6 +159,6 @@ def _deviation(state: FlightState, ownship: Ownship) -> tuple[str, str]:
     if math.hypot(east, north) > OFF_TRACK_M:
         return "beside", f"{math.hypot(east, north):.0f} m beside its path"
     expected = math.hypot(*(end - begin)[:2]) / max(float(end_s - begin_s), 1e-3)
-    if ownship.ground_speed_m_s < SLOW_SHARE * expected:
+    if ownship.ground_speed_m_s < SLOW_SHARE * expected - ownship.wind_std_m_s:
         return "slow", f"{ownship.ground_speed_m_s:.0f} m/s over ground, not {expected:.0f}"
     return "", ""

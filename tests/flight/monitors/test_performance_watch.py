@@ -24,6 +24,9 @@ KINDS = [
     (state(east=50.0, up=126.0), "26 m above its path"),
     (state(east=50.0, speed=17.0), "17 m/s over ground, not 25"),
     (state(east=50.0, speed=18.0), ""),
+    # In a wind that is known to 1 m/s an aircraft is slow below 0.7 · 25 − 1 = 16.5 m/s.
+    (replace(state(east=50.0, speed=17.0), wind_std_m_s=1.0), ""),
+    (replace(state(east=50.0, speed=16.0), wind_std_m_s=1.0), "16 m/s over ground, not 25"),
 ]
 
 
