@@ -46,7 +46,7 @@ GAIN_RATES_MIN = 20  # Fewer rates do not show it, either.
 # At its usual airspeed an aircraft's lift is at least this multiple of its drag. The power that drag takes
 # rises with the third power of airspeed at most (parasite drag alone).
 GLIDE_RATIO_MIN = 5.0
-# If throttle that should raise the rate by this was added, energy that does not rise is missing.
+# If throttle and airspeed should have raised the rate by this, energy that does not rise is missing.
 ADDED_M_S = 1.0
 MAD_TO_DEVIATION = 1.4826  # Ratio of the standard deviation to the median absolute deviation (normal).
 LASTS_S = 1.0  # A lack of thrust is a fault after this time.
@@ -193,10 +193,10 @@ class ThrustMonitor:
             return f"{lost} with the throttle open"
         if now.throttle < max(usual.throttle - SAME_THROTTLE, WORKING_SHARE):
             return ""
-        added_m_s = self._gain_m_s(now_s, sink_m_s) * max(now.throttle - usual.throttle, 0.0)
-        added_m_s -= _cost_of_speed_m_s(now.airspeed_m_s, usual.airspeed_m_s)
-        loss_min_m_s = LOSS_M_S if added_m_s < ADDED_M_S else 0.0
-        expected = usual.energy_m_s + added_m_s
+        change_m_s = self._gain_m_s(now_s, sink_m_s) * max(now.throttle - usual.throttle, 0.0)
+        change_m_s -= _cost_of_speed_m_s(now.airspeed_m_s, usual.airspeed_m_s)
+        loss_min_m_s = LOSS_M_S if change_m_s < ADDED_M_S else 0.0
+        expected = usual.energy_m_s + change_m_s
         has_dropped = now.energy_m_s < expected - max(DROP_M_S, DROP_DEVIATIONS * deviation)
         is_lost = has_dropped and now.energy_m_s <= -loss_min_m_s
         return f"{lost} with the throttle as before" if is_lost else ""
