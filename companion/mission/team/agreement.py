@@ -171,20 +171,6 @@ class Agreement:
         announced = {plan.member for plan in self.plans_to_clear()}
         return frozenset(announced - self.members_deviating(now_s) - self.members_lost(now_s))
 
-    def members_in_conflict(self, now_s: float) -> frozenset[int]:
-        """Return the members whose committed plans conflict with this member's own from now on.
-
-        There are none among members that did not count each other lost.
-        """
-        own = self._committed
-        if own is None:
-            return frozenset()
-        return frozenset(
-            other
-            for other, peer in self._peers.items()
-            if peer.committed is not None and self._margin(own, peer.committed, now_s) < 0.0
-        )
-
     def propose(self, plan: SharedPlan, now_s: float, commit_before_s: float = math.inf) -> SharedPlan | None:
         """Propose a plan to the team; one that is still proposed is withdrawn for it.
 

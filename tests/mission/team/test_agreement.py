@@ -1,12 +1,13 @@
 """What a member does with what the others say. `test_agreement_model.py` tries all orders."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from companion.mission.team.agreement import Agreement, Outcome
-from companion.mission.team.separation import PackedPlans, margin_between
+from companion.mission.team.separation import PackedPlans, margin_between, margin_of
 from companion.mission.team.wire import Report, Standing, report_payloads
 from tests.mission.team.team_plans import BEGIN_S, FRAME, SETTINGS, plan, zigzag
 
@@ -43,6 +44,13 @@ class Team:
     def numbers(self):
         return [one.committed and one.committed.number for one in self.members.values()]
 
+    def conflicts(self):
+        """Pairs of members whose committed plans conflict."""
+        plans = [one.committed for one in self.members.values() if one.committed is not None]
+        margin = margin_of(SETTINGS)
+        pairs = itertools.combinations(plans, 2)
+        return [(one.member, other.member) for one, other in pairs if margin(one, other, self.now_s) < 0.0]
+
 
 def test_a_plan_is_committed_when_all_have_approved_it():
     team = Team()
@@ -54,7 +62,7 @@ def test_a_plan_is_committed_when_all_have_approved_it():
     team.pass_time(4)
     assert team.numbers() == [1, None, None]
     assert [len(one.plans_to_clear()) for one in team.members.values()] == [0, 1, 1]
-    assert [one.members_in_conflict(team.now_s) for one in team.members.values()] == [frozenset()] * 3
+    assert team.conflicts() == []
 
 
 def test_a_member_keeps_clear_of_the_old_plan_and_of_the_proposal_until_it_is_committed():
@@ -179,7 +187,7 @@ def test_two_that_are_too_near_to_each_other_may_part_but_come_no_nearer():
     for member, each in zip(team.members.values(), side_by_side, strict=True):
         member.announce(each)
     team.pass_time(3)
-    assert [one.members_in_conflict(team.now_s) for one in team.members.values()] == [{2}, {1}]
+    assert team.conflicts() == [(1, 2)]
     nearer, farther = (plan((0, 50, 100), (2000, north, 100)) for north in (-200, 1000))
     assert team.members[2].propose(nearer, team.now_s) is None
     assert team.members[2].refused_by == {1}
@@ -241,7 +249,7 @@ def test_nothing_is_committed_until_the_plan_of_a_member_that_is_heard_again_is_
     assert team.members[1].outcome() is Outcome.PENDING
     team.pass_time(6)  # It asks for the plan, which clears its proposal.
     assert team.members[1].outcome() is Outcome.COMMITTED
-    assert [one.members_in_conflict(team.now_s) for one in team.members.values()] == [frozenset()] * 2
+    assert team.conflicts() == []
 
 
 def test_two_that_were_lost_to_each_other_hear_that_their_plans_conflict():
@@ -253,7 +261,8 @@ def test_two_that_were_lost_to_each_other_hear_that_their_plans_conflict():
         team.members[member].propose(replace(flown, rows=flown.rows + shift), team.now_s)
     team.deaf = set()
     team.pass_time(12)
-    assert [one.members_in_conflict(team.now_s) for one in team.members.values()] == [{2}, {1}]
+    assert team.conflicts() == [(1, 2)]
+    assert [len(one.plans_to_clear()) for one in team.members.values()] == [1, 1]
 
 
 def test_a_member_that_does_not_fly_its_plan_is_deviating_until_it_does():
