@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,13 +45,6 @@ class PursuitMeasures:
     estimated_total_threat: float
     first_pursued_share: float
     num_reachable: int
-
-    @property
-    def estimated_share(self) -> float:
-        """ETDTA/TDTA; NaN if there was no threat, 1 if none was estimated either."""
-        if self.total_threat > 0.0:
-            return self.estimated_total_threat / self.total_threat
-        return 1.0 if self.estimated_total_threat == 0.0 else math.nan
 
 
 def pursuit_measures(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.research.campaign.measures import PursuitMeasures, pursuit_measures
+from companion.research.campaign.measures import pursuit_measures
 from companion.types.plan import Measures, Plan, PlanStatus, SearchTrace
 from companion.world.snapshot import first_snapshot
 from tests.support.paths import box, path_of
@@ -37,7 +37,6 @@ def test_a_threat_that_stands_by_hand():
     assert made.total_threat == pytest.approx(total)
     # It was expected where it stood.
     assert made.estimated_total_threat == pytest.approx(total)
-    assert made.estimated_share == pytest.approx(1.0)
     assert made.first_pursued_share == 0.0
     assert made.num_reachable == 7
 
@@ -46,7 +45,6 @@ def test_a_wall_hides_the_aircraft():
     seen = track(100.0, 0.0, speed=0.0, radius=200.0)
     made = measured([(0.0, 100.0, 0.0)], seen, obstacles=(box("wall", 40.0, -200.0, 60.0, 200.0),))
     assert (made.aggregated_threat, made.total_threat, made.estimated_total_threat) == (0.0, 0.0, 0.0)
-    assert made.estimated_share == 1.0
     assert made.first_pursued_share == 1.0
 
 
@@ -62,7 +60,6 @@ def test_an_estimate_that_expects_the_worst_of_a_threat_that_drives_away():
     )
     assert near.total_threat == 0.0
     assert near.estimated_total_threat > 0.0
-    assert math.isnan(near.estimated_share)
     assert 0.0 < near.first_pursued_share <= 1.0
 
 
@@ -75,7 +72,3 @@ def test_a_track_is_followed_in_time():
         if math.hypot(100.0 * (2.0 - 4.0 * k / 11.0), 50.0 - 100.0 * k / 11.0) <= 200.0
     )
     assert moved.total_threat == pytest.approx(expected)
-
-
-def test_the_share_by_hand():
-    assert PursuitMeasures(0.1, 4.0, 3.0, 0.5, 2).estimated_share == 0.75
