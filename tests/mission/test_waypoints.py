@@ -119,7 +119,22 @@ def test_height_has_a_waypoint_where_it_leaves_the_line():
 @pytest.mark.parametrize(("climb", "num"), [(14.0, 2), (18.0, 3)])  # 7 m and 9 m off: 8 m are left alone
 def test_height_is_left_alone_within_its_tolerance(climb, num):
     path = path_along((1000.0, 40), up=lambda at: 100.0 + max(0.0, at - 500.0) * climb / 500.0)
-    assert len(waypoints_from_path(path, 25.0).positions_enu_m) == num
+    assert len(waypoints_from_path(path, 25.0, flies_by=False).positions_enu_m) == num
+
+
+@pytest.mark.parametrize(("climb", "heights"), [
+    (3.0, [100.15, 103.0]), (-6.0, [99.7, 96.85, 94.0]), (12.0, [100.6, 106.3, 112.0]),
+    (20.0, [101.0, 120.0]),
+])  # fmt: skip
+def test_a_leg_that_arduplane_flies_level_is_divided(climb, heights):
+    """Up or down evenly on 1000 m, entered after 50 m: ArduPlane flies changes below 15 m at once.
+
+    An aircraft climbed into a radar's sight by 6 m at once.
+    """
+    path = path_along((1000.0, 40), up=lambda at: 100.0 + climb * at / 1000.0)
+    made = waypoints_from_path(path, 25.0).positions_enu_m
+    np.testing.assert_allclose(made[:, 2], heights, atol=1e-9)
+    assert len(waypoints_from_path(path, 25.0, flies_by=False).positions_enu_m) == 2
 
 
 @settings(max_examples=30, deadline=None)
