@@ -95,9 +95,8 @@ class PlanRunner:
             pursuit_measures(plan, path, world, which, track)
             for which, track in enumerate(self._drives(mission, path))
         ]
-        actual, expected = (
-            sum(getattr(one, name) for one in every) for name in ("total_threat", "estimated_total_threat")
-        )
+        actual = sum(one.total_threat for one in every)
+        expected = sum(one.estimated_total_threat for one in every)
         share = expected / actual if actual > 0.0 else None
         kept = math.prod(1.0 - one.aggregated_threat for one in every)
         return values | {
