@@ -11,7 +11,7 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.frames import FloatArray, LocalFrame
-from companion.types.mission import Command, MavFrame, Mission, MissionItem
+from companion.types.mission import SLOPE_MIN_M, Command, MavFrame, Mission, MissionItem
 from companion.types.path import Path
 from companion.world.ground.autopilot_ground import AutopilotGround
 
@@ -27,9 +27,8 @@ STRAIGHT_RAD = 1e-4  # Smaller changes of course are rounding.
 FLY_BY_M = 50.0  # WP_RADIUS: ArduPlane turns to the next waypoint at this distance.
 # Waypoints are added if the height differs from the line between them by more; over ground, by less.
 HEIGHT_TOLERANCE_M, OVER_GROUND_TOLERANCE_M = 8.0, 2.5
-# ArduPlane's GLIDE_SLOPE_MIN: a leg with a smaller change of height is flown at the height of its end.
-SLOPE_MIN_M = 15.0
-LEVEL_TOLERANCE_M = 4.0  # Such a leg gets a waypoint in its middle if its height changes by more.
+# A leg that ArduPlane flies level gets a waypoint in its middle if its height changes by more.
+LEVEL_TOLERANCE_M = 4.0
 HIGHER_M = 15.0  # Where the autopilot follows the ground, it may fly higher than the path by this much.
 SLIGHT_M = 2.0  # A waypoint this close to the line between its neighbours is removed.
 MARK_M = 40.0  # An action is carried out at a waypoint this near, otherwise a waypoint is added for it.
@@ -138,7 +137,9 @@ def waypoints_from_path(
         row = int(np.searchsorted(travelled[:-1], FIRST_WAYPOINT_AHEAD_M))
         chosen.insert(0, _mark(points, travelled, row))
     chosen = _without_slight_corners([*chosen, marks[-1]])
-    chosen = _with_short_climbs([marks[0], *chosen], path, flies_by=flies_by, ground=ground)[1:]
+    chosen = _with_short_climbs(
+        [marks[0], *chosen], points, courses, travelled, flies_by=flies_by, ground=ground
+    )[1:]
     for length in marked_m:
         row = int(np.argmin(np.abs(travelled - length)))
         if _is_straight(courses, row) and min(abs(travelled[row] - at[0]) for at in chosen) > MARK_M:
@@ -280,22 +281,24 @@ def _with_heights(
 
 
 def _with_short_climbs(
-    marks: list[tuple[float, FloatArray]], path: Path, *, flies_by: bool, ground: AutopilotGround | None
-) -> list[tuple[float, FloatArray]]:
+    marks: list[tuple[float, FloatArray]], points: FloatArray, courses: FloatArray, travelled: FloatArray,
+    *, flies_by: bool, ground: AutopilotGround | None,
+) -> list[tuple[float, FloatArray]]:  # fmt: skip
     """Return marks, with one more in the middle of each straight leg that ArduPlane flies level.
 
     It flies the leg at the height of its end, so the height at its begin is wrong by the change of height.
     ``marks`` and the result are pairs of a length of path and a position (3,) [m]. For a PX4 and over ground
-    they are the same.
+    they are the same. ``points`` (N, 3) are the path's positions [m], ``courses`` (N,) its courses [rad],
+    ``travelled`` (N,) the horizontal length up to each [m].
     """
     if not flies_by or ground is not None:
         return marks
-    travelled, courses, result = path.travelled_m, np.unwrap(path.courses_rad), [marks[0]]
+    result = [marks[0]]
     for before, after in itertools.pairwise(marks):
         is_level = LEVEL_TOLERANCE_M < abs(after[1][2] - before[1][2]) < SLOPE_MIN_M
         row = int(np.searchsorted(travelled, 0.5 * (before[0] + after[0])))
         if is_level and after[0] - before[0] > 2.0 * SPACING_M and _is_straight(courses, row):
-            result.append(_mark(path.positions_enu_m, travelled, row))
+            result.append(_mark(points, travelled, row))
         result.append(after)
     return result
 

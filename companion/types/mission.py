@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 from companion.types.mavlink_enums import Command, MavFrame
 
-__all__ = ["Command", "MavFrame", "Mission", "MissionItem"]
+__all__ = ["SLOPE_MIN_M", "Command", "MavFrame", "Mission", "MissionItem"]
+
+# ArduPlane's GLIDE_SLOPE_MIN: it flies a leg with a smaller change of height at the height of its end.
+SLOPE_MIN_M = 15.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,8 @@ from companion.frames import FloatArray
 WELL_CLEAR_UP_M = 76.2  # Vertical separation of well clear: 250 ft, ASTM F3442.
 HEIGHT_STD_M = 4.0  # Standard deviation of a reported height, where the report states none.
 REPORTED_SPEED_MAX_M_S = 526.0  # The most that ADS-B says of a subsonic aircraft: 1,021.5 kt (RTCA DO-260B).
-TURNS_S = (
-    30.0  # An aircraft that turns or climbs is expected to do so for this time, and then to fly straight.
-)
+# An aircraft that turns or climbs is expected to do so for this time, and then to fly straight.
+TURNS_S = 30.0
 
 
 # Returns from which up coordinate on (N,) [m] a radar sees over places (N, 2), east and north [m]. It is

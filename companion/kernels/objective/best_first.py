@@ -4,8 +4,8 @@ A node is a state with its time and the objective J so far. The node with the le
 extended by a few motions: a turn to either side or straight flight, in space with three climb angles, at
 cruise or changing to it. A cell is a place, a direction and a turn. A node is dropped if another one in its
 cell is as cheap and as early. V knows no limits on turns. With ``weight`` 1 the first node at the goal is the
-best of the tree but for the cells and for V's error. With more it is found sooner and costs at most so many
-times as much.
+best of the tree but for the cells and for V's error. With more it is found sooner and costs at most
+``weight`` times as much.
 
 Symbols: ``at`` the node that is extended, ``v`` airspeed, ``w`` turn rate, ``wp`` climb rate.
 

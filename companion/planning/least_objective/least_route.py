@@ -29,9 +29,8 @@ from companion.types.plan import SearchTrace
 # A higher airspeed is tried if other aircraft make the path at cruise cost this many times as much. At a
 # lower factor, airspeeds would change because of turns that the other aircraft often does not continue.
 FASTER_FROM = 2.0
-GAP_M = (
-    25.0  # A second V closes gaps that exceed the margin by less than this: the first led into such a gap.
-)
+# If V led into a gap that cannot be flown, a second V closes gaps that exceed the margin by less than this.
+GAP_M = 25.0
 NEXT_TO_NOTHING = 1.005  # If others raise a path's cost by less than this factor, one search is enough.
 FINISHING_S = 5.0  # A path to the goal's centre may cost this much more than straight flight to there.
 

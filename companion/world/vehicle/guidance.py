@@ -25,6 +25,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.kernels.aircraft.steering import STEP, SteeringLaw, fly_targets
 from companion.kernels.arrays import FollowedGround, IntArray
+from companion.types.mission import SLOPE_MIN_M
 from companion.types.state import Ownship
 from companion.world.vehicle.vehicle_model import VehicleModel
 
@@ -36,7 +37,6 @@ L1_PERIOD_S, L1_DAMPING = 17.0, 0.75  # ArduPlane's defaults of NAVL1_PERIOD and
 NPFG_PERIOD_S, NPFG_DAMPING = 10.0, 0.7  # PX4's defaults of NPFG_PERIOD and NPFG_DAMPING.
 WP_RADIUS_M, NAV_ACC_RAD_M = 50.0, 10.0  # Distances at which ArduPlane and PX4 accept a waypoint.
 NAV_FW_ALT_RAD_M = 10.0  # PX4's default: how near its height a waypoint is accepted.
-SLOPE_MIN_M = 15.0  # ArduPlane's GLIDE_SLOPE_MIN.
 NO_FOLLOWED_GROUND = FollowedGround(np.zeros((2, 2)), np.array([0.0, 0.0, 1.0]), 0.0, 0.0, 0.0)
 UNLIMITED_M = 1e6  # A height acceptance beyond all heights: ArduPlane accepts a waypoint at any height.
 

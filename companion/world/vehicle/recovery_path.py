@@ -30,18 +30,8 @@ KEPT_SHARE = 0.6  # The path keeps this share of the first distance; the checker
 STRAIGHT_RAD = 1e-3  # Smaller changes of course or climb angle count as none.
 NEARER_TOLERANCE_M = 0.25  # A row may seem nearer to an obstacle than the last by this much: rounding.
 INSIDE_M = 5.0  # The path ends this far inside the bounds and the margin.
-RISES_M = (
-    0.0,
-    10.0,
-    -10.0,
-    25.0,
-    -25.0,
-    50.0,
-    -50.0,
-    100.0,
-    -100.0,
-)  # Changes of height that are tried over ground, with
-GROUND_TURNS = 4  # every fourth turn.
+# Changes of height that are tried over ground, each with every fourth turn.
+RISES_M, GROUND_TURNS = (0.0, 10.0, -10.0, 25.0, -25.0, 50.0, -50.0, 100.0, -100.0), 4
 GROUND_MORE_M = 10.0  # While it turns back, the path may pass the limits over ground by this much more.
 OVERSHOOT_RADII = 2.0  # While it turns back, the path may go this many turn radii farther out of bounds.
 

@@ -8,6 +8,11 @@ from companion.flight.state.decision import Verdict
 from tests.support.sitl_harness import FIRST_FLIGHT, SitlHarness
 
 
+def refused(found):
+    """A conclusion as if the check had refused its path."""
+    return replace(found, decision=replace(found.decision, verdict=Verdict.REJECTED), constructed=None)
+
+
 def test_no_emergency_plan_is_made_if_the_last_goal_is_gone_while_a_plan_fails(monkeypatch):
     """In a team that shares goals another member took it; a plan to no goal ended the service."""
     harness = SitlHarness(mission_from_text(FIRST_FLIGHT, "first-flight.yaml"))
@@ -20,8 +25,7 @@ def test_no_emergency_plan_is_made_if_the_last_goal_is_gone_while_a_plan_fails(m
         failed_s.append(harness.now_s)
         flight = harness.app.replanning._flight
         flight.apply(lambda state: replace(state, goals=(), is_on_call=True))
-        refused = replace(found.decision, verdict=Verdict.REJECTED)
-        return replace(found, decision=refused, constructed=None), None
+        return refused(found), None
 
     monkeypatch.setattr(replanning, "conclude_either", failing)
     monkeypatch.setattr(replanning, "flown_passes", lambda *_: False)
@@ -39,10 +43,7 @@ def test_a_plan_that_does_not_pass_is_made_again_soon_although_the_flown_path_pa
         if harness.now_s < 10.0:
             return found, least_threat
         judged_s.append(harness.now_s)
-        if len(judged_s) > 1:
-            return found, least_threat
-        refused = replace(found.decision, verdict=Verdict.REJECTED)
-        return replace(found, decision=refused, constructed=None), None
+        return (refused(found), None) if len(judged_s) == 1 else (found, least_threat)
 
     monkeypatch.setattr(replanning, "conclude_either", failing_once)
     harness.fly(60.0)
