@@ -11,7 +11,7 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.frames import FloatArray, LocalFrame
-from companion.types.mission import SLOPE_MIN_M, Command, MavFrame, Mission, MissionItem
+from companion.types.mission import ARDUPLANE_SLOPES, Command, MavFrame, Mission, MissionItem, SlopeMin
 from companion.types.path import Path
 from companion.world.ground.autopilot_ground import AutopilotGround
 
@@ -27,8 +27,8 @@ STRAIGHT_RAD = 1e-4  # Smaller changes of course are rounding.
 FLY_BY_M = 50.0  # WP_RADIUS: ArduPlane turns to the next waypoint at this distance.
 # Waypoints are added if the height differs from the line between them by more; over ground, by less.
 HEIGHT_TOLERANCE_M, OVER_GROUND_TOLERANCE_M = 8.0, 2.5
-# A leg that ArduPlane flies level gets a waypoint in its middle if its height changes by more.
-LEVEL_TOLERANCE_M = 4.0
+# A leg that is flown level is divided if its height changes by more than the first, in steps of the second.
+LEVEL_TOLERANCE_M, LEVEL_STEP_M = 4.0, 7.5
 HIGHER_M = 15.0  # Where the autopilot follows the ground, it may fly higher than the path by this much.
 SLIGHT_M = 2.0  # A waypoint this close to the line between its neighbours is removed.
 MARK_M = 40.0  # An action is carried out at a waypoint this near, otherwise a waypoint is added for it.
@@ -96,6 +96,7 @@ def waypoints_from_path(
     marked_m: Sequence[float] = (),
     spacing: float = 1.0,
     height_tolerance_m: float = HEIGHT_TOLERANCE_M,
+    slope_min: SlopeMin = ARDUPLANE_SLOPES,
     ground: AutopilotGround | None = None,
 ) -> Waypoints:
     """Return waypoints along a path, with several of them in a turn.
@@ -122,6 +123,8 @@ def waypoints_from_path(
         Turn angle from one waypoint to the next, as a share of the usual one.
     height_tolerance_m : float
         Waypoints are added if the height differs from the line between them by more [m].
+    slope_min : SlopeMin
+        Which legs the autopilot flies level.
     ground : AutopilotGround, optional
         The ground over which the autopilot keeps heights between waypoints. If omitted, it flies along lines.
     """
@@ -137,9 +140,7 @@ def waypoints_from_path(
         row = int(np.searchsorted(travelled[:-1], FIRST_WAYPOINT_AHEAD_M))
         chosen.insert(0, _mark(points, travelled, row))
     chosen = _without_slight_corners([*chosen, marks[-1]])
-    chosen = _with_short_climbs(
-        [marks[0], *chosen], points, courses, travelled, flies_by=flies_by, ground=ground
-    )[1:]
+    chosen = _with_short_climbs([marks[0], *chosen], points, courses, travelled, slope_min, ground=ground)[1:]
     for length in marked_m:
         row = int(np.argmin(np.abs(travelled - length)))
         if _is_straight(courses, row) and min(abs(travelled[row] - at[0]) for at in chosen) > MARK_M:
@@ -170,7 +171,7 @@ def _in_order(marks: list[tuple[float, FloatArray]], airspeed_m_s: float) -> Way
 
 def _is_straight(courses: FloatArray, row: int) -> bool:
     """Return whether a path of ``courses`` (N,) [rad] is straight before and after a row."""
-    return 0 < row < len(courses) - 1 and not np.diff(courses[row - 1 : row + 2]).any()
+    return 0 < row < len(courses) - 1 and bool(np.ptp(courses[row - 1 : row + 2]) <= STRAIGHT_RAD)
 
 
 def _without_slight_corners(marks: list[tuple[float, FloatArray]]) -> list[tuple[float, FloatArray]]:
@@ -282,23 +283,25 @@ def _with_heights(
 
 def _with_short_climbs(
     marks: list[tuple[float, FloatArray]], points: FloatArray, courses: FloatArray, travelled: FloatArray,
-    *, flies_by: bool, ground: AutopilotGround | None,
+    slope_min: SlopeMin, *, ground: AutopilotGround | None,
 ) -> list[tuple[float, FloatArray]]:  # fmt: skip
-    """Return marks, with one more in the middle of each straight leg that ArduPlane flies level.
+    """Return marks, with more of them in each straight leg that the autopilot flies level.
 
     It flies the leg at the height of its end, so the height at its begin is wrong by the change of height.
-    ``marks`` and the result are pairs of a length of path and a position (3,) [m]. For a PX4 and over ground
-    they are the same. ``points`` (N, 3) are the path's positions [m], ``courses`` (N,) its courses [rad],
-    ``travelled`` (N,) the horizontal length up to each [m].
+    ``marks`` and the result are pairs of a length of path and a position (3,) [m]; over ground they are the
+    same. ``points`` (N, 3) are the path's positions [m], ``courses`` (N,) its courses [rad], ``travelled``
+    (N,) the horizontal length up to each [m].
     """
-    if not flies_by or ground is not None:
+    if ground is not None:
         return marks
     result = [marks[0]]
     for before, after in itertools.pairwise(marks):
-        is_level = LEVEL_TOLERANCE_M < abs(after[1][2] - before[1][2]) < SLOPE_MIN_M
-        row = int(np.searchsorted(travelled, 0.5 * (before[0] + after[0])))
-        if is_level and after[0] - before[0] > 2.0 * SPACING_M and _is_straight(courses, row):
-            result.append(_mark(points, travelled, row))
+        change = float(after[1][2] - before[1][2])
+        if abs(change) > LEVEL_TOLERANCE_M and slope_min.is_level(change):
+            num = min(max(math.ceil(abs(change) / LEVEL_STEP_M), 2), int((after[0] - before[0]) / SPACING_M))
+            lengths = np.linspace(before[0], after[0], num + 1)[1:-1]
+            rows = [int(row) for row in np.searchsorted(travelled, lengths)]
+            result += [_mark(points, travelled, row) for row in rows if _is_straight(courses, row)]
         result.append(after)
     return result
 

@@ -65,6 +65,11 @@ class Dialect(Enum):
         """Names of the parameters that determine its flight, by field of ``AutopilotSettings``."""
         return _PARAMETER_NAMES[self]
 
+    @property
+    def former_parameter_names(self) -> dict[str, str]:
+        """Names that earlier versions have for some of these parameters, by field."""
+        return {"slope_min_m": "GLIDE_SLOPE_MIN"} if self is Dialect.ARDUPILOT else {}
+
     def knows_return_paths(self, version: tuple[int, int, int] | None) -> bool:
         """Return whether an autopilot of this version returns by return paths if its parameter says so.
 
@@ -103,6 +108,8 @@ _PARAMETER_NAMES = {
         "guidance_damping": "NAVL1_DAMPING",
         "bank_max_deg": "ROLL_LIMIT_DEG",
         "loiter_radius_m": "WP_LOITER_RAD",
+        "slope_min_m": "ALT_SLOPE_MIN",
+        "flight_options": "FLIGHT_OPTIONS",
         "airspeed_min_m_s": "AIRSPEED_MIN",
         "airspeed_max_m_s": "AIRSPEED_MAX",
         "airspeed_cruise_m_s": "AIRSPEED_CRUISE",

@@ -3,13 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from companion.types.mavlink_enums import Command, MavFrame
 
-__all__ = ["SLOPE_MIN_M", "Command", "MavFrame", "Mission", "MissionItem"]
+__all__ = ["ALL_SLOPES", "ARDUPLANE_SLOPES", "Command", "MavFrame", "Mission", "MissionItem", "SlopeMin"]
 
-# ArduPlane's GLIDE_SLOPE_MIN: it flies a leg with a smaller change of height at the height of its end.
-SLOPE_MIN_M = 15.0
+
+class SlopeMin(NamedTuple):
+    """The changes of height along a leg that an autopilot flies as a slope.
+
+    A leg with a smaller change is flown level, at the height of its end: ArduPlane's ALT_SLOPE_MIN, with
+    which its FLIGHT_OPTIONS may also have every climb flown so.
+
+    Parameters
+    ----------
+    climb_m : float
+        Smallest climb that is flown as a slope [m].
+    descent_m : float
+        Smallest descent that is flown as a slope [m].
+    """
+
+    climb_m: float
+    descent_m: float
+
+    def is_level(self, change_m: float) -> bool:
+        """Return whether a leg with a change of height upwards [m] is flown level."""
+        return -self.descent_m < change_m < self.climb_m
+
+
+ALL_SLOPES = SlopeMin(0.0, 0.0)  # A PX4 flies every leg as a slope.
+ARDUPLANE_SLOPES = SlopeMin(15.0, 15.0)  # The default of ALT_SLOPE_MIN.
 
 
 @dataclass(frozen=True, slots=True)

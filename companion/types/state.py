@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from companion.types.mission import SlopeMin
+
 # Values of ArduPlane's RTL_AUTOLAND: straight home, to the landing at once, and by a return path.
 STRAIGHT_HOME, LANDING_AT_ONCE, BY_RETURN_PATH = 0.0, 2.0, 4.0
+CLIMBS_AT_ONCE = 1 << 14  # Option of ArduPlane's FLIGHT_OPTIONS: climbs of a mission are no slopes.
 
 # Where a return ends, east, north, up [m], and whether the operator's landing follows there.
 ReturnEnd = tuple[tuple[float, float, float], bool]
@@ -79,6 +82,10 @@ class AutopilotSettings:
         Largest bank [deg].
     loiter_radius_m : float or None
         Default radius of circles, negative anticlockwise [m].
+    slope_min_m : float or None
+        Change of height from which an ArduPlane flies a leg as a slope; with 0 it flies no slopes [m].
+    flight_options : float or None
+        Options of an ArduPlane, as bits; see :data:`CLIMBS_AT_ONCE`.
     airspeed_min_m_s, airspeed_max_m_s, airspeed_cruise_m_s : float or None
         Equivalent airspeeds [m/s].
     climb_max_m_s, sink_max_m_s : float or None
@@ -118,6 +125,8 @@ class AutopilotSettings:
     guidance_damping: float | None = None
     bank_max_deg: float | None = None
     loiter_radius_m: float | None = None
+    slope_min_m: float | None = None
+    flight_options: float | None = None
     airspeed_min_m_s: float | None = None
     airspeed_max_m_s: float | None = None
     airspeed_cruise_m_s: float | None = None
@@ -137,6 +146,15 @@ class AutopilotSettings:
     terrain_enable: float | None = None
     terrain_spacing_m: float | None = None
     look_ahead_m: float | None = None
+
+    @property
+    def slope_min(self) -> SlopeMin | None:
+        """Which legs an ArduPlane flies level; None if it has not reported that."""
+        if self.slope_min_m is None:
+            return None
+        descent_m = self.slope_min_m if self.slope_min_m > 0.0 else math.inf
+        climbs_at_once = int(self.flight_options or 0.0) & CLIMBS_AT_ONCE
+        return SlopeMin(math.inf if climbs_at_once else descent_m, descent_m)
 
     @property
     def throttle_max_share(self) -> float:

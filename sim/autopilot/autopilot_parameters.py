@@ -20,6 +20,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "AIRSPEED_CRUISE": (22, _REAL),
     "AIRSPEED_MAX": (38, _INT16),
     "AIRSPEED_MIN": (12, _INT16),
+    "ALT_SLOPE_MIN": (15, _INT16),
     "AVD_ENABLE": (0, _INT8),
     "AVD_F_ACTION": (1, _INT8),
     "AVD_W_ACTION": (1, _INT8),
@@ -28,10 +29,10 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "FENCE_ENABLE": (0, _INT8),
     "FENCE_RADIUS": (300, _REAL),
     "FENCE_TYPE": (7, _INT8),
+    "FLIGHT_OPTIONS": (0, _REAL),  # An INT32 of ArduPlane, whose integers are sent as floats.
     "FS_GCS_ENABL": (0, _INT8),
     "FS_LONG_ACTN": (0, _INT8),
     "FS_SHORT_ACTN": (0, _INT8),
-    "GLIDE_SLOPE_MIN": (15, _INT16),
     "MIS_OPTIONS": (0, _INT16),
     "MIS_RESTART": (0, _INT8),
     "MIS_TOTAL": (0, _INT16),
@@ -103,7 +104,7 @@ _PX4_NAMES = {
 }
 # Of the battery monitor, which only an aircraft with a battery has.
 _ARDUPLANE_BATTERY: dict[str, tuple[float, int]] = {
-    "BATT_CAPACITY": (3300, _REAL),  # An INT32 of ArduPlane, whose integers are sent as floats.
+    "BATT_CAPACITY": (3300, _REAL),  # An INT32, too.
     "BATT_FS_LOW_ACT": (0, _INT8),
     "BATT_LOW_MAH": (0, _REAL),
     "BATT_MONITOR": (4, _INT8),

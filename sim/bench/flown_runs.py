@@ -11,6 +11,7 @@ from companion.planning.solver import solve
 from companion.research.campaign.campaign_spec import Run
 from companion.research.campaign.flown_methods import LinkFaultsConfig
 from companion.types.events import Dialect
+from companion.types.mission import ALL_SLOPES, ARDUPLANE_SLOPES
 from ..faults import FaultKind, FaultyLink, LinkFaults, random_schedule
 from ..simulator import Place
 from ..sitl import Flight
@@ -47,7 +48,9 @@ def route_of(mission: MissionConfig, run: Run, dialect: Dialect) -> tuple[Place,
     if plan.path is None or not plan.reaches_goal:
         raise CompanionError(f"no plan from the start: {plan.status.value}")
     speed = float(mission.vehicle.airspeed_cruise_m_s)
-    places = waypoints_from_path(plan.path, speed, flies_by=dialect.flies_by).positions_enu_m
+    slopes = ARDUPLANE_SLOPES if dialect.flies_by else ALL_SLOPES
+    made = waypoints_from_path(plan.path, speed, flies_by=dialect.flies_by, slope_min=slopes)
+    places = made.positions_enu_m
     return tuple((float(east), float(north), float(up)) for east, north, up in places)
 
 

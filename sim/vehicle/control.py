@@ -100,8 +100,8 @@ class Flight:
         Demanded equivalent airspeed.
     goes_beyond : bool
         Whether a leg is flown on past its end.
-    slope_min_m : float
-        Change of height from which a leg is flown as a slope; a lesser one is made at once.
+    climb_slope_min_m, descent_slope_min_m : float
+        Climb and descent from which a leg is flown as a slope; lesser ones are made at once.
     is_standing : bool
         Whether the aircraft stands on the ground.
     has_thrust : bool
@@ -132,7 +132,7 @@ class Flight:
         self.steering: Steering = Level(0.0, dynamics.state.up_m)
         self.airspeed_m_s = dynamics.state.equivalent_airspeed_m_s
         self.goes_beyond = False
-        self.slope_min_m = 0.0
+        self.climb_slope_min_m, self.descent_slope_min_m = 0.0, 0.0
         self.is_standing = False
         self.has_thrust = True
         self.stored_ground = None if ground is None else ground.stored()
@@ -204,7 +204,7 @@ class Flight:
         if steering.follows_ground and self.stored_ground is not None:
             return self._height_over_ground(steering, self.stored_ground)
         change = steering.height_m - steering.start_height_m
-        if abs(change) < self.slope_min_m:
+        if -self.descent_slope_min_m < change < self.climb_slope_min_m:
             return steering.height_m
         return steering.start_height_m + change * max(0.0, min(1.0, progress_on(steering, self.position)))
 
@@ -214,7 +214,7 @@ class Flight:
         share = max(0.0, min(1.0, progress_on(leg, self.position)))
         slope = self._parameters["TECS_CLMB_MAX"] / max(self.estimate.ground_speed_m_s, 3.0)
         ahead = ground.climb_ahead_m(self.position, leg.end, self._parameters["TERRAIN_LOOKAHD"], slope)
-        if last - first <= -self.slope_min_m:
+        if last - first <= -self.descent_slope_min_m:
             ahead = max(0.0, ahead + last - first)
         return first + share * (last - first) + ground.up_m(*self.position) + ahead
 

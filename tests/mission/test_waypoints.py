@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from companion.mission.list_layout import bank_items
 from companion.mission.waypoints import equivalent_airspeed, mission_part, waypoints_from_path
-from companion.types.mission import Command, MavFrame
+from companion.types.mission import ALL_SLOPES, Command, MavFrame, SlopeMin
 from companion.world.ground.autopilot_ground import AutopilotGround
 from tests.mission.made import FRAME, path_along, waypoints
 
@@ -119,7 +119,7 @@ def test_height_has_a_waypoint_where_it_leaves_the_line():
 @pytest.mark.parametrize(("climb", "num"), [(14.0, 2), (18.0, 3)])  # 7 m and 9 m off: 8 m are left alone
 def test_height_is_left_alone_within_its_tolerance(climb, num):
     path = path_along((1000.0, 40), up=lambda at: 100.0 + max(0.0, at - 500.0) * climb / 500.0)
-    assert len(waypoints_from_path(path, 25.0, flies_by=False).positions_enu_m) == num
+    assert len(waypoints_from_path(path, 25.0, flies_by=False, slope_min=ALL_SLOPES).positions_enu_m) == num
 
 
 @pytest.mark.parametrize(("climb", "heights"), [
@@ -134,7 +134,28 @@ def test_a_leg_that_arduplane_flies_level_is_divided(climb, heights):
     path = path_along((1000.0, 40), up=lambda at: 100.0 + climb * at / 1000.0)
     made = waypoints_from_path(path, 25.0).positions_enu_m
     np.testing.assert_allclose(made[:, 2], heights, atol=1e-9)
-    assert len(waypoints_from_path(path, 25.0, flies_by=False).positions_enu_m) == 2
+    assert len(waypoints_from_path(path, 25.0, flies_by=False, slope_min=ALL_SLOPES).positions_enu_m) == 2
+
+
+@pytest.mark.parametrize(("climb", "slope_min", "num"), [
+    (20.0, (15.0, 15.0), 1), (20.0, (21.0, 15.0), 3), (20.0, (math.inf, 15.0), 3),
+    (-20.0, (math.inf, 15.0), 1), (-20.0, (15.0, math.inf), 3), (10.0, (9.0, 9.0), 1),
+    (200.0, (math.inf, 15.0), 15),
+])  # fmt: skip
+def test_which_legs_are_divided_depends_on_the_autopilots_parameters(climb, slope_min, num):
+    """A straight path of 1000 m, entered after 50 m, in steps of at most 7.5 m or at least 60 m long."""
+    path = path_along((1000.0, 200), up=lambda at: 300.0 + climb * at / 1000.0)
+    made = waypoints_from_path(path, 25.0, slope_min=SlopeMin(*slope_min))
+    assert len(made.positions_enu_m) - 1 == num
+    points = made.positions_enu_m
+    assert points[:, 2] == pytest.approx(300.0 + climb * points[:, 1] / 1000.0, abs=0.01 * abs(climb))
+
+
+def test_rounding_does_not_make_a_straight_leg_a_turn():
+    path = path_along((1000.0, 40), up=lambda at: 100.0 + 0.012 * at)
+    rounded = replace(path, courses_rad=path.courses_rad + 1e-9 * (np.arange(len(path)) % 3))
+    made = [waypoints_from_path(each, 25.0).positions_enu_m for each in (path, rounded)]
+    np.testing.assert_allclose(*made, atol=1e-3)
 
 
 @settings(max_examples=30, deadline=None)

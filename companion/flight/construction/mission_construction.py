@@ -30,6 +30,7 @@ from companion.flight.construction.mission_simulation import (
     commanded_airspeed_m_s,
     faults_of,
     followed_ground,
+    guidance_of,
     is_circle_exposed,
     is_circle_taken,
     lacking_in_other_winds,
@@ -231,8 +232,9 @@ def _refused(state: FlightState, path: Path, last: int, why: Violation) -> Candi
     """A mission over a path that may not be flown."""
     airspeed = _airspeeds(state, path.until(last))[-1]
     waypoints = waypoints_from_path(
-        path, airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state)
-    )
+        path, airspeed, flies_by=state.flies_by, height_tolerance_m=_tolerance_m(state),
+        slope_min=guidance_of(state).slope_min,
+    )  # fmt: skip
     return Candidate(waypoints, float(path.times_s[min(len(path) - 1, last)]), (why,))
 
 
@@ -383,7 +385,7 @@ def _over(
     for spacing in SPACINGS:
         waypoints = waypoints_from_path(
             part, airspeed_m_s, flies_by=state.flies_by, marked_m=marked_m, spacing=spacing,
-            height_tolerance_m=_tolerance_m(state), ground=ground,
+            height_tolerance_m=_tolerance_m(state), slope_min=guidance_of(state).slope_min, ground=ground,
         )  # fmt: skip
         for _ in range(CORRECTIONS + 1):
             candidate, track = _judged(state, part, waypoints, circle)

@@ -111,6 +111,7 @@ def guidance_of(state: FlightState) -> Guidance:
         bank_max_rad=bank,
         loiter_radius_m=settings.loiter_radius_m or usual.loiter_radius_m,
         climb_rate_max_m_s=min(settings.climb_max_m_s or math.inf, usual.climb_rate_max_m_s),
+        slope_min=settings.slope_min or usual.slope_min,
         circle_stretch=circle_stretch(state),
     )
 

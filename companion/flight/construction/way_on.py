@@ -96,7 +96,8 @@ def _as_waypoints(state: FlightState, home: Path, landing: GoalRegion) -> Iterat
     The last ones are also left out, because they may lie beyond the landing.
     """
     corrected = construct(bound_for(state, landing), home, LENGTH_MAX, is_whole=True)
-    made = [waypoints_from_path(home, corrected.waypoints.airspeed_m_s, flies_by=False).positions_enu_m]
+    airspeed, slope_min = corrected.waypoints.airspeed_m_s, guidance_of(state).slope_min
+    made = [waypoints_from_path(home, airspeed, flies_by=False, slope_min=slope_min).positions_enu_m]
     if not corrected.violations and corrected.covered_until_s >= float(home.times_s[-1]):
         made.insert(0, corrected.waypoints.positions_enu_m)
     for points, num_left_out in product(made, range(LEFT_OUT_MAX + 1)):

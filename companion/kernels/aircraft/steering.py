@@ -33,9 +33,9 @@ class SteeringLaw(Struct):
     """Parameters of an autopilot's guidance.
 
     ``period``, ``damping`` of the L1 loop; ``bank_max``, ``roll_rate_max`` and ``roll_time`` of the bank;
-    ``acceptance``, ``height_acceptance`` of a waypoint; ``climb_rate_max``; ``slope_min`` the change of
-    height from which it is spread over its leg; ``airspeed`` commanded behind the first target, 0 for none,
-    and the ``acceleration`` to it.
+    ``acceptance``, ``height_acceptance`` of a waypoint; ``climb_rate_max``; ``climb_slope_min`` and
+    ``descent_slope_min`` the changes of height from which they are spread over their leg; ``airspeed``
+    commanded behind the first target, 0 for none, and the ``acceleration`` to it.
     """
 
     period: float
@@ -46,7 +46,8 @@ class SteeringLaw(Struct):
     acceptance: float
     height_acceptance: float
     climb_rate_max: float
-    slope_min: float
+    climb_slope_min: float
+    descent_slope_min: float
     airspeed: float
     acceleration: float
 
@@ -142,7 +143,7 @@ def _share(state: Float1D, begin: Float1D, end: Float1D) -> float:
 def _height(share: float, begin: Float1D, end: Float1D, law: SteeringLaw) -> float:
     """Height to be flown at a share of the leg from ``begin`` (3,) to ``end`` (3,) [m]."""
     change = end[2] - begin[2]
-    if abs(change) < law.slope_min:
+    if -law.descent_slope_min < change < law.climb_slope_min:
         return end[2]
     return begin[2] + change * max(0.0, min(1.0, share))
 
@@ -167,7 +168,7 @@ def _height_over_ground(
     """Height to be flown at a share of the leg from ``begin`` (3,) to ``end`` (3,), over ground [m]."""
     first = begin[2] - ground_up(begin[0], begin[1], ground)
     change = end[2] - ground_up(end[0], end[1], ground) - first
-    part = 1.0 if -law.slope_min < change < 0.0 else max(0.0, min(1.0, share))
+    part = 1.0 if -law.descent_slope_min < change < 0.0 else max(0.0, min(1.0, share))
     return first + part * change + ground_up(state[0], state[1], ground)
 
 
@@ -187,7 +188,7 @@ def _climb_ahead(
         most = max(most, up - here - climb * along)
     first = begin[2] - ground_up(begin[0], begin[1], ground)
     change = end[2] - ground_up(end[0], end[1], ground) - first
-    return max(0.0, most + change) if change <= -law.slope_min else most
+    return max(0.0, most + change) if change <= -law.descent_slope_min else most
 
 
 @kernel

@@ -11,7 +11,7 @@ from companion.types.events import Dialect
 from companion.types.mavlink_enums import MessageId
 from companion.types.state import BY_RETURN_PATH, STRAIGHT_HOME, AutopilotSettings
 
-ASKED_AT_ONCE = 24  # All of an autopilot; one whose buffer is smaller is asked again for the rest.
+ASKED_AT_ONCE = 27  # All of an autopilot; one whose buffer is smaller is asked again for the rest.
 TRIES = 5  # An autopilot of another version may not have the parameter.
 AGAIN_CALLS = 5  # Once all parameters are known, every fifth call of `due` requests one again.
 
@@ -38,7 +38,8 @@ class SettingsReader:
     def begin(self, dialect: Dialect) -> None:
         """Begin with this autopilot; forget the settings of an earlier one."""
         self.settings, self._dialect = AutopilotSettings(), dialect
-        self._meanings = {name: meaning for meaning, name in dialect.parameter_names.items()}
+        names = (*dialect.parameter_names.items(), *dialect.former_parameter_names.items())
+        self._meanings = {name: meaning for meaning, name in names}
         self._num_asked = dict.fromkeys(self._meanings, 0)
         self._known = []
         self._version, self._num_versions_asked = None, 0
@@ -55,7 +56,9 @@ class SettingsReader:
         value = reply.number(is_bytewise=self._dialect.packs_parameters_bytewise)
         if meaning is None or not math.isfinite(value):
             return
-        self._num_asked.pop(reply.name, None)
+        for name, meant in self._meanings.items():
+            if meant == meaning:
+                self._num_asked.pop(name, None)
         if reply.name not in self._known:
             self._known.append(reply.name)
         self.settings = self._as_flown(replace(self.settings, **{meaning: value}))

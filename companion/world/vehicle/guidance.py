@@ -25,7 +25,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.kernels.aircraft.steering import STEP, SteeringLaw, fly_targets
 from companion.kernels.arrays import FollowedGround, IntArray
-from companion.types.mission import SLOPE_MIN_M
+from companion.types.mission import ALL_SLOPES, ARDUPLANE_SLOPES, SlopeMin
 from companion.types.state import Ownship
 from companion.world.vehicle.vehicle_model import VehicleModel
 
@@ -68,8 +68,8 @@ class Guidance:
         Largest rate of climb and descent [m/s].
     height_acceptance_m : float
         Height difference at which a waypoint is accepted: NAV_FW_ALT_RAD [m].
-    slope_min_m : float
-        GLIDE_SLOPE_MIN: a smaller change of height is made at once instead of along the leg [m].
+    slope_min : SlopeMin
+        A smaller change of height is made at once instead of along the leg.
     circle_stretch : float
         Ratio of flown to commanded circle radius: ArduPlane widens circles by the square of true over
         equivalent airspeed (``AP_L1_Control::loiter_radius``).
@@ -91,7 +91,7 @@ class Guidance:
     roll_time_s: float = ROLL_TIME_S
     climb_rate_max_m_s: float = 5.0
     height_acceptance_m: float = UNLIMITED_M
-    slope_min_m: float = 0.0
+    slope_min: SlopeMin = ALL_SLOPES
     circle_stretch: float = 1.0
     airspeed_m_s: float = 0.0
     acceleration_m_s2: float = 0.0
@@ -116,7 +116,8 @@ class Guidance:
             acceptance=self.acceptance_radius_m,
             height_acceptance=self.height_acceptance_m,
             climb_rate_max=self.climb_rate_max_m_s,
-            slope_min=self.slope_min_m,
+            climb_slope_min=self.slope_min.climb_m,
+            descent_slope_min=self.slope_min.descent_m,
             airspeed=self.airspeed_m_s,
             acceleration=self.acceleration_m_s2,
         )
@@ -142,7 +143,7 @@ def default_guidance(*, flies_by: bool, vehicle: VehicleModel) -> Guidance:
         loiter_radius_m=vehicle.turn_radius_min_m,
         climb_rate_max_m_s=vehicle.airspeed_cruise_m_s * math.sin(vehicle.climb_angle_max_rad),
         height_acceptance_m=UNLIMITED_M if flies_by else NAV_FW_ALT_RAD_M,
-        slope_min_m=SLOPE_MIN_M if flies_by else 0.0,
+        slope_min=ARDUPLANE_SLOPES if flies_by else ALL_SLOPES,
     )
 
 

@@ -41,6 +41,7 @@ _NAMES = {number: name for name, number in MODES.items()}
 _LAND_AT_ONCE, _BY_RETURN_PATH = 2, 4  # RTL_AUTOLAND
 _LABELS = {16: "WP", 17: "LoitUnlim", 18: "LoitTurns", 19: "LoitTime", 20: "RTL", 21: "Land", 22: "Takeoff"}
 _LABELS |= {31: "LoitAltitude", 178: "SetSpeed", 189: "DoLandStart"}
+_CLIMB_AT_ONCE = 1 << 14  # FLIGHT_OPTIONS
 _CIRCLE_BANK = math.radians(20.0)
 _GUIDED_CURRENT = 2
 _CAPABILITIES = (
@@ -208,7 +209,10 @@ class ArduPlane(MissionPilot):
         elif self._mode == "GUIDED" and not self._has_reported_guided and self._is_on_circle():
             self._has_reported_guided = True
             self.reached(0)
-        self.flight.slope_min_m = self.parameters["GLIDE_SLOPE_MIN"]
+        slope_min_m = self.parameters["ALT_SLOPE_MIN"] or math.inf
+        climbs_at_once = int(self.parameters["FLIGHT_OPTIONS"]) & _CLIMB_AT_ONCE
+        self.flight.descent_slope_min_m = slope_min_m
+        self.flight.climb_slope_min_m = math.inf if climbs_at_once else slope_min_m
         speed = self._speed_m_s
         self.flight.airspeed_m_s = self.parameters["AIRSPEED_CRUISE"] if speed is None else speed
         if self._pending_reached is not None:

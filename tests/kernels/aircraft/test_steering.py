@@ -15,7 +15,7 @@ from companion.kernels.aircraft.steering import (
 from companion.kernels.arrays import FollowedGround
 from companion.world.vehicle.guidance import NO_FOLLOWED_GROUND
 
-LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 0.0, 0.0, 0.0)
+LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 0.0, 0.0, 0.0, 0.0)
 BEGIN, END = np.array([0.0, 0.0, 100.0]), np.array([0.0, 1000.0, 130.0])
 CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
 
@@ -108,17 +108,26 @@ def test_a_waypoint_missed_in_height_is_not_reached():
     assert rows[:, 6].max() == 0.0
 
 
-def test_a_slight_change_of_height_is_made_at_once():
-    places = np.array([[0.0, 0.0, 100.0], [0.0, 1000.0, 110.0]])
-    heights = []
-    for slope_min in (0.0, 15.0):
-        rows = np.empty((41, 7))
-        fly_targets(
-            start(), (0.0, 0.0), places, np.zeros(4),
-            LAW._replace(slope_min=slope_min), NO_FOLLOWED_GROUND, 5, rows,
-        )  # fmt: skip
-        heights.append(rows[-1, 2])
-    assert heights == pytest.approx([102.5, 110.0], abs=0.1)
+@pytest.mark.parametrize(
+    ("change_m", "climb_slope_min", "descent_slope_min", "after_m"),
+    [
+        (10.0, 0.0, 0.0, 102.5),
+        (10.0, 15.0, 0.0, 110.0),
+        (10.0, 0.0, 15.0, 102.5),
+        (-10.0, 15.0, 0.0, 97.5),
+        (-10.0, 0.0, 15.0, 90.0),
+        (-10.0, 0.0, math.inf, 90.0),
+        (16.0, 15.0, 15.0, 104.0),
+        (16.0, math.inf, 15.0, 116.0),
+    ],
+)
+def test_a_slight_change_of_height_is_made_at_once(change_m, climb_slope_min, descent_slope_min, after_m):
+    """A leg of 1 km; 10 s at 25 m/s is a quarter of it, in which 16 m are climbed at 5 m/s."""
+    law = LAW._replace(climb_slope_min=climb_slope_min, descent_slope_min=descent_slope_min)
+    rows = flown(
+        NO_FOLLOWED_GROUND, [[0.0, 0.0, 100.0], [0.0, 1000.0, 100.0 + change_m]], law=law, num_rows=41
+    )
+    assert rows[-1, 2] == pytest.approx(after_m, abs=0.1)
 
 
 def test_a_commanded_airspeed_is_taken_up_behind_the_first_target():
@@ -166,7 +175,7 @@ def test_a_steep_rise_is_climbed_for_ahead_by_the_autopilots_look_ahead():
 
 @pytest.mark.parametrize(("down_m", "share"), [(10.0, 1.0), (20.0, 0.5)])
 def test_over_ground_a_slight_descent_is_made_at_once(down_m, share):
-    law = LAW._replace(slope_min=15.0, climb_rate_max=1e3)
+    law = LAW._replace(descent_slope_min=15.0, climb_rate_max=1e3)
     rows = flown(ground_along([0.0], [7.0]), [[0.0, 0.0, 100.0], [0.0, 1000.0, 100.0 - down_m]], law=law)
     middle = rows[np.argmin(np.abs(rows[:, 1] - 500.0))]
     assert middle[2] == pytest.approx(100.0 - share * down_m, abs=0.2)

@@ -36,8 +36,8 @@ def test_every_field_has_a_name_that_the_simulated_autopilot_knows(dialect):
     for meaning, name in names.items():
         assert getattr(settings, meaning) == pytest.approx(parameters[name])
     only_arduplane = {
-        "fence_enable", "fence_types", "num_rally_points", "rally_limit_km", "rally_includes_home",
-        "terrain_enable", "terrain_spacing_m", "look_ahead_m",
+        "fence_enable", "fence_types", "slope_min_m", "flight_options", "num_rally_points", "rally_limit_km",
+        "rally_includes_home", "terrain_enable", "terrain_spacing_m", "look_ahead_m",
     }  # fmt: skip
     assert set(names) | only_arduplane == set(AutopilotSettings.__dataclass_fields__)
 
@@ -47,14 +47,13 @@ def test_a_few_at_once_and_not_for_ever(monkeypatch):
     reader, codec = SettingsReader(), Codec(1)
     codec.feed(b"", 0.0)
     reader.begin(Dialect.ARDUPILOT)
-    count = len(Dialect.ARDUPILOT.parameter_names)
+    wanted = (*Dialect.ARDUPILOT.parameter_names.values(), "GLIDE_SLOPE_MIN")
+    count = len(wanted)
     questions = [asked(reader.due(codec)) for _ in range(TRIES * count)]
     assert max(map(len, questions)) == 4
-    assert len({name for question in questions[:6] for name in question}) == count  # The first ones wait.
+    assert len({name for question in questions[:7] for name in question}) == count  # The first ones wait.
     names = [name for question in questions for name in question]
-    assert {name: names.count(name) for name in names} == dict.fromkeys(
-        Dialect.ARDUPILOT.parameter_names.values(), TRIES
-    )
+    assert {name: names.count(name) for name in names} == dict.fromkeys(wanted, TRIES)
 
 
 def test_what_is_known_is_asked_for_again_now_and_then():
@@ -125,3 +124,22 @@ def test_an_arduplane_is_asked_for_its_version_until_it_says_it():
     assert asks()
     reader.note(Version(4, 6, 3))
     assert not asks()
+
+
+@pytest.mark.parametrize(
+    ("told", "slopes"),
+    [
+        ({}, None),
+        ({"ALT_SLOPE_MIN": 20.0}, (20.0, 20.0)),
+        ({"GLIDE_SLOPE_MIN": 20.0}, (20.0, 20.0)),  # its name before version 4.7
+        ({"ALT_SLOPE_MIN": 0.0}, (math.inf, math.inf)),
+        ({"ALT_SLOPE_MIN": 15.0, "FLIGHT_OPTIONS": 16_384.0}, (math.inf, 15.0)),
+        ({"ALT_SLOPE_MIN": 15.0, "FLIGHT_OPTIONS": 16_383.0}, (15.0, 15.0)),
+    ],
+)
+def test_which_legs_an_arduplane_flies_as_slopes(told, slopes):
+    reader = SettingsReader()
+    reader.begin(Dialect.ARDUPILOT)
+    for name, value in told.items():
+        reader.note(Told(name, value))
+    assert reader.settings.slope_min == slopes

@@ -75,6 +75,29 @@ def test_a_loiter_never_ends(flying):
     assert math.dist(autopilot(flying).flight.position, (2400.0, 0.0)) == pytest.approx(125.0, abs=12.0)
 
 
+@pytest.mark.parametrize(
+    ("slope_min_m", "options", "up_m"),
+    [
+        (15.0, 0.0, (110.0, 120.0, 120.0)),
+        (0.0, 0.0, (110.0, 140.0, 100.0)),
+        (41.0, 0.0, (110.0, 140.0, 100.0)),
+        (40.0, 0.0, (110.0, 120.0, 120.0)),
+        (15.0, 16_384.0, (110.0, 140.0, 120.0)),
+    ],
+)
+def test_which_legs_are_slopes(client, slope_min_m, options, up_m):
+    """Heights halfway along legs of 2 km to 110, 140 and 100 m, as flown by ArduPlane 4.8-dev."""
+    parameters = autopilot(client).parameters
+    parameters["ALT_SLOPE_MIN"], parameters["FLIGHT_OPTIONS"] = slope_min_m, options
+    heights = (110.0, 100.0, 140.0, 100.0)
+    client.upload([item(WAYPOINT, 2000.0 * n, 0.0, up) for n, up in enumerate((0.0, *heights))])
+    client.set_current(1)
+    for number, up in zip((1, 3, 4), up_m, strict=True):
+        middle_m = 2000.0 * number - 1000.0
+        assert client.until(lambda at=middle_m: autopilot(client).flight.position[0] > at, 200.0)
+        assert autopilot(client).flight.estimate.up_m == pytest.approx(up, abs=3.0)
+
+
 def test_a_loiter_to_height_ends_at_it(client):
     climb = item(31, 300.0, -125.0, 150.0, p2=125.0)
     client.upload([*route(), climb, item(LOITER, 0.0, 300.0, 150.0)])

@@ -1,0 +1,45 @@
+"""Heights along legs: an ArduPlane flies as slopes only what its parameters say."""
+
+import numpy as np
+import pytest
+
+from companion.config import mission_from_text
+from tests.sim.client import PLAIN
+from tests.support.sitl_harness import SitlHarness
+
+# A wall 600 m thick that can only be flown over, by 150 m more than start and goal are high.
+OVER_A_WALL = (
+    (
+        PLAIN.replace("dimension: 2", "dimension: 3")
+        .replace("north_m: [-6000, 6000], up_m: [60, 160]", "north_m: [-1500, 1500], up_m: [60, 400]")
+        .replace("east_m: 1750, north_m: 750", "east_m: 4500, north_m: 0")
+    )
+    + """obstacles:
+  - name: wall
+    polygon_enu_m: [[2000, -1600], [2600, -1600], [2600, 1600], [2000, 1600]]
+    base_m: 0
+    top_m: 250
+"""
+)
+EACH_CLIMB_AT_ONCE = 1 << 14
+
+
+@pytest.mark.parametrize(("slope_min_m", "options"), [(15, 0), (0, 0), (40, 0), (15, EACH_CLIMB_AT_ONCE)])
+def test_a_wall_is_flown_over_at_the_heights_of_the_path(slope_min_m, options):
+    """With slopes taken for granted the second flight was 39 m below its path behind the wall.
+
+    The wall is passed 50 m above its top; 30 m is the least that a path may have. That flight had 29.9 m.
+    """
+    harness = SitlHarness(mission_from_text(OVER_A_WALL, "wall.yaml"))
+    parameters, flown = harness.simulator.autopilot.parameters, []
+    parameters["ALT_SLOPE_MIN"], parameters["FLIGHT_OPTIONS"] = slope_min_m, options
+
+    def note(harness):
+        true = harness.simulator.autopilot.flight.dynamics.state
+        flown.append((true.east_m, true.up_m))
+
+    harness.fly(200.0, note)
+    east, up = np.array(flown).T
+    assert up[(east > 1970.0) & (east < 2630.0)].min() > 290.0
+    assert not harness.texts("off path")
+    assert harness.app.state.num_reached == 1
