@@ -119,6 +119,8 @@ _PARAMETER_NAMES = {
         "fence_height_m": "FENCE_ALT_MAX",
         "fence_radius_m": "FENCE_RADIUS",
         "return_height_m": "RTL_ALTITUDE",
+        "return_climb_m": "RTL_CLIMB_MIN",
+        "level_bank_deg": "LEVEL_ROLL_LIMIT",
         "return_radius_m": "RTL_RADIUS",
         "return_kind": "RTL_AUTOLAND",
         "num_rally_points": "RALLY_TOTAL",

@@ -9,7 +9,8 @@ from companion.types.mission import SlopeMin
 
 # Values of ArduPlane's RTL_AUTOLAND: straight home, to the landing at once, and by a return path.
 STRAIGHT_HOME, LANDING_AT_ONCE, BY_RETURN_PATH = 0.0, 2.0, 4.0
-CLIMBS_AT_ONCE = 1 << 14  # Option of ArduPlane's FLIGHT_OPTIONS: climbs of a mission are no slopes.
+# Options of ArduPlane's FLIGHT_OPTIONS: climbs of a mission are no slopes, and a return climbs first.
+CLIMBS_AT_ONCE, CLIMBS_FIRST = 1 << 14, 1 << 4
 
 # Where a return ends, east, north, up [m], and whether the operator's landing follows there.
 ReturnEnd = tuple[tuple[float, float, float], bool]
@@ -85,7 +86,7 @@ class AutopilotSettings:
     slope_min_m : float or None
         Change of height from which an ArduPlane flies a leg as a slope; with 0 it flies no slopes [m].
     flight_options : float or None
-        Options of an ArduPlane, as bits; see :data:`CLIMBS_AT_ONCE`.
+        Options of an ArduPlane, as bits: :data:`CLIMBS_AT_ONCE` and :data:`CLIMBS_FIRST` matter here.
     airspeed_min_m_s, airspeed_max_m_s, airspeed_cruise_m_s : float or None
         Equivalent airspeeds [m/s].
     climb_max_m_s, sink_max_m_s : float or None
@@ -102,6 +103,10 @@ class AutopilotSettings:
         Enabled types: 1 the height, 2 the circle, 4 the polygons.
     return_height_m : float or None
         Height of return to launch above home; negative on an ArduPlane that keeps its height [m].
+    return_climb_m : float or None
+        Climb with which an ArduPlane's return to launch begins [m].
+    level_bank_deg : float or None
+        Largest bank of an ArduPlane during that climb [deg].
     return_radius_m : float or None
         Radius of the circle at the end of return to launch, 0 for the default radius [m].
     return_kind : float or None
@@ -138,6 +143,8 @@ class AutopilotSettings:
     fence_enable: float | None = None
     fence_types: float | None = None
     return_height_m: float | None = None
+    return_climb_m: float | None = None
+    level_bank_deg: float | None = None
     return_radius_m: float | None = None
     return_kind: float | None = None
     num_rally_points: float | None = None
@@ -153,8 +160,11 @@ class AutopilotSettings:
         if self.slope_min_m is None:
             return None
         descent_m = self.slope_min_m if self.slope_min_m > 0.0 else math.inf
-        climbs_at_once = int(self.flight_options or 0.0) & CLIMBS_AT_ONCE
-        return SlopeMin(math.inf if climbs_at_once else descent_m, descent_m)
+        return SlopeMin(math.inf if self.has_option(CLIMBS_AT_ONCE) else descent_m, descent_m)
+
+    def has_option(self, option: int) -> bool:
+        """Return whether an option of ArduPlane's FLIGHT_OPTIONS is set; it is given as a bit."""
+        return bool(int(self.flight_options or 0.0) & option)
 
     @property
     def throttle_max_share(self) -> float:

@@ -24,6 +24,15 @@ _BANK_LIMIT_MIN = math.radians(15.0)
 
 
 @dataclass(frozen=True, slots=True)
+class FirstClimb:
+    """A climb towards ``target_m`` with little bank, which ends above ``until_m`` [m]."""
+
+    until_m: float
+    target_m: float
+    bank_max_rad: float
+
+
+@dataclass(frozen=True, slots=True)
 class Leg:
     """From start to end [m]; the height changes along it from ``start_height_m`` to ``height_m``.
 
@@ -102,6 +111,8 @@ class Flight:
         Whether a leg is flown on past its end.
     climb_slope_min_m, descent_slope_min_m : float
         Climb and descent from which a leg is flown as a slope; lesser ones are made at once.
+    first_climb : FirstClimb or None
+        Climb that is made before anything else.
     is_standing : bool
         Whether the aircraft stands on the ground.
     has_thrust : bool
@@ -133,6 +144,7 @@ class Flight:
         self.airspeed_m_s = dynamics.state.equivalent_airspeed_m_s
         self.goes_beyond = False
         self.climb_slope_min_m, self.descent_slope_min_m = 0.0, 0.0
+        self.first_climb: FirstClimb | None = None
         self.is_standing = False
         self.has_thrust = True
         self.stored_ground = None if ground is None else ground.stored()
@@ -163,6 +175,7 @@ class Flight:
             return
         estimate = self.estimate = self.sensors.estimate(self.dynamics.state)
         if self._ticks % _TICKS_A_GUIDANCE == 0:
+            self._end_first_climb(estimate)
             self._guide(estimate)
         self._ticks += 1
         output = self.output
@@ -223,6 +236,9 @@ class Flight:
         self.lateral.period_s = max(parameters["NAVL1_PERIOD"], 5.0)
         self.lateral.damping = max(parameters["NAVL1_DAMPING"], 0.4)
         limit = self._bank_limit(estimate)
+        climb = self.first_climb
+        if climb is not None:
+            limit = min(limit, climb.bank_max_rad)
         if isinstance(steering, Level):
             output.bank_rad = max(-limit, min(limit, steering.bank_rad))
             self.lateral.cross_track_m = 0.0
@@ -237,7 +253,7 @@ class Flight:
         limits.pitch_max_rad = math.radians(parameters["PTCH_LIM_MAX_DEG"])
         limits.pitch_min_rad = math.radians(parameters["PTCH_LIM_MIN_DEG"])
         limits.airspeed_min_m_s = parameters["AIRSPEED_MIN"]
-        height = self.target_height_m()
+        height = self.target_height_m() if climb is None else climb.target_m
         output.pitch_rad, output.throttle = self.energy.update(
             estimate, height, self.airspeed_m_s, has_thrust=self.has_thrust,
             speed_share=self._speed_share(steering),
@@ -245,6 +261,16 @@ class Flight:
         output.bearing_rad = self.lateral.bearing_rad
         output.cross_track_m = self.lateral.cross_track_m
         output.height_error_m = height - estimate.up_m
+
+    def _end_first_climb(self, estimate: Estimate) -> None:
+        """End the first climb once it is high enough; a descent begins there."""
+        climb, circle = self.first_climb, self.steering
+        if climb is None or estimate.up_m <= climb.until_m:
+            return
+        self.first_climb = None
+        if isinstance(circle, Circle):
+            begins = (*self.position, estimate.up_m) if circle.height_m < estimate.up_m else None
+            self.steering = replace(circle, begins=begins)
 
     def _speed_share(self, steering: Steering) -> float:
         """Return the share of pitch that holds the airspeed without thrust: 1, but less near a landing."""

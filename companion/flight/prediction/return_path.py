@@ -4,8 +4,10 @@ References
 ----------
 ArduPlane 4.6 ``ModeRTL``, ``Plane::do_RTL``, ``AP_Rally::calc_best_rally_or_home_location``: straight to the
 circle about the nearest rally point within RALLY_LIMIT_KM, else about home. It climbs at once and descends
-along the way. With RTL_AUTOLAND 2 it flies to the closest landing sequence instead, with 4 it joins the
-closest leg of a return path (:mod:`companion.mission.return_bank`).
+along the way. RTL_CLIMB_MIN or an option of FLIGHT_OPTIONS has it climb first, with hardly any bank
+(``ModeRTL::update``; ``Plane::update_alt`` has the height). With RTL_AUTOLAND 2 it flies to the closest
+landing sequence instead, with 4 it joins the closest leg of a return path
+(:mod:`companion.mission.return_bank`).
 
 PX4 1.17 ``RTL::findRtlDestination``, ``RtlDirect``, ``RtlDirectMissionLand``: it climbs in a circle to
 RTL_RETURN_ALT above the destination, then flies straight there. With RTL_TYPE 0 the destination is home; with
@@ -34,8 +36,8 @@ from companion.mission.list_layout import TwoBankLayout
 from companion.mission.return_bank import followed, joined_item
 from companion.mission.waypoints import true_airspeed
 from companion.types.events import MissionCurrent
-from companion.types.mission import Command, MissionItem
-from companion.types.state import BY_RETURN_PATH, LANDING_AT_ONCE, Ownship
+from companion.types.mission import Command, MissionItem, SlopeMin
+from companion.types.state import BY_RETURN_PATH, CLIMBS_FIRST, LANDING_AT_ONCE, Ownship
 from companion.world.vehicle.guidance import Guidance, Track, track_of_circle, track_of_legs
 
 JOINED_S = 20.0  # The aircraft joins the final circle in this time; then it flies round it once.
@@ -44,6 +46,9 @@ STEP_S = 0.5  # Time between two rows of a simulated track.
 # A destination at a larger angle off the course lies behind the aircraft; it may then turn to either side,
 # which is simulated by changing the course by the second angle.
 BEHIND_RAD, TURN_SIDE_RAD = math.radians(130.0), math.radians(25.0)
+# ArduPlane's default, and the least bank that is simulated; its climb aims this much above its end.
+LEVEL_ROLL_LIMIT_DEG, LEVEL_BANK_MIN_DEG, FIRST_CLIMB_MORE_M = 5.0, 1.0, 10.0
+FIRST_CLIMB_SHARES = (1.0, 0.8, 0.6, 0.4)  # The aircraft may climb faster, and end its climb sooner.
 CLIMB_ENDS = 36  # A climb in a circle may end at this many moments over one and a half turns.
 # The command with which the return paths begin that an ArduPlane joins, by RTL_AUTOLAND.
 _STARTS = {LANDING_AT_ONCE: Command.DO_LAND_START, BY_RETURN_PATH: Command.DO_RETURN_PATH_START}
@@ -158,8 +163,30 @@ def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[
         if joined:
             return joined
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
-        end, radius = state.tail_enu_m, 0.0
-    return circling_tracks(state, ownship, end, radius)
+        return circling_tracks(state, ownship, state.tail_enu_m, 0.0)
+    climb, tracks = _first_climb(state, ownship, end), list[FloatArray]()
+    if climb is None:
+        return circling_tracks(state, ownship, end, radius)
+    for share in FIRST_CLIMB_SHARES:
+        row = max(round(share * (len(climb) - 1)), 1)
+        onward = circling_tracks(state, climb.aircraft_at(row, ownship), end, radius)
+        tracks += [np.vstack([climb.positions_enu_m[:row], track]) for track in onward]
+    return tracks
+
+
+def _first_climb(state: FlightState, ownship: Ownship, end: Place) -> Track | None:
+    """Return the climb with which an ArduPlane's return to an end [m] begins; None without one."""
+    settings, up_m = state.settings, ownship.position_enu_m[2]
+    climb_m = settings.return_climb_m or 0.0
+    until_m = end[2] if settings.has_option(CLIMBS_FIRST) else up_m + climb_m
+    if until_m <= up_m:
+        return None
+    usual = guidance_of(state)
+    bank = math.radians(max(settings.level_bank_deg or LEVEL_ROLL_LIMIT_DEG, LEVEL_BANK_MIN_DEG))
+    high = np.array([*end[:2], max(up_m, end[2]) + climb_m + FIRST_CLIMB_MORE_M])
+    climb_s = (until_m - up_m) / usual.climb_rate_max_m_s + JOINED_S
+    track = track_of_circle(replace(usual, bank_max_rad=bank), ownship, high, 0.0, climb_s, STEP_S)
+    return track.until(max(int(np.argmax(track.positions_enu_m[:, 2] > until_m)), 1))
 
 
 def tracks_by_return_path(
@@ -261,7 +288,7 @@ def circling_tracks(state: FlightState, ownship: Ownship, end: Place, radius_m: 
     """
     guidance = guidance_of(state)
     tracks = (_track_to(guidance, begun, end, radius_m).positions_enu_m for begun in _headings(ownship, end))
-    return [_with_glide(track, end) for track in tracks]
+    return [_with_glide(track, end, guidance.slope_min) for track in tracks]
 
 
 def _px4_tracks(state: FlightState, ownship: Ownship, end: Place, up_m: float) -> list[FloatArray]:
@@ -346,12 +373,15 @@ def _headings(ownship: Ownship, end: Place) -> list[Ownship]:
     return [replace(ownship, course_rad=(ownship.course_rad + turn) % (2.0 * math.pi)) for turn in turns]
 
 
-def _with_glide(positions: FloatArray, end: Place) -> FloatArray:
-    """Return ``positions`` (K, 3) [m] with the descent spread over the path as by ArduPlane, (K, 3)."""
+def _with_glide(positions: FloatArray, end: Place, slope_min: SlopeMin) -> FloatArray:
+    """Return ``positions`` (K, 3) [m] with the descent spread over the path as by ArduPlane, (K, 3).
+
+    A descent that it does not fly as a slope stays as it is.
+    """
     begin = positions[0]
     along = np.subtract(end[:2], begin[:2])
     square = float(along @ along)
-    if end[2] >= begin[2] or square < 1.0:
+    if end[2] >= begin[2] or square < 1.0 or slope_min.is_level(end[2] - begin[2]):
         return positions
     share = np.clip((positions[:, :2] - begin[:2]) @ along / square, 0.0, 1.0)
     heights = begin[2] + share * (end[2] - begin[2])

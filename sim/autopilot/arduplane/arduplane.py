@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.types.mission import Command, MavFrame, MissionItem
 from ...mission_types import MissionKind, Verdict
 from ...projection import FastProjection
-from ...vehicle.control import Circle, Flight, Leg, Level
+from ...vehicle.control import Circle, FirstClimb, Flight, Leg, Level
 from ..autopilot_parameters import Parameters
 from ..base import ACCEPTED, DENIED, FAILED, UNSUPPORTED, CommandRequest
 from ..channel import Channel, Message
@@ -41,7 +41,8 @@ _NAMES = {number: name for name, number in MODES.items()}
 _LAND_AT_ONCE, _BY_RETURN_PATH = 2, 4  # RTL_AUTOLAND
 _LABELS = {16: "WP", 17: "LoitUnlim", 18: "LoitTurns", 19: "LoitTime", 20: "RTL", 21: "Land", 22: "Takeoff"}
 _LABELS |= {31: "LoitAltitude", 178: "SetSpeed", 189: "DoLandStart"}
-_CLIMB_AT_ONCE = 1 << 14  # FLIGHT_OPTIONS
+_CLIMB_AT_ONCE, _CLIMB_BEFORE_TURN = 1 << 14, 1 << 4  # FLIGHT_OPTIONS
+_FIRST_CLIMB_MORE_M = 10.0
 _CIRCLE_BANK = math.radians(20.0)
 _GUIDED_CURRENT = 2
 _CAPABILITIES = (
@@ -253,7 +254,7 @@ class ArduPlane(MissionPilot):
     def _enter(self, name: str) -> None:
         flight = self.flight
         here, height = flight.position, flight.estimate.up_m
-        flight.goes_beyond = False
+        flight.goes_beyond, flight.first_climb = False, None
         if name == "AUTO":
             self.runner.resume(restart=self.parameters["MIS_RESTART"] == 1.0)
         elif name == "RTL":
@@ -263,12 +264,23 @@ class ArduPlane(MissionPilot):
             circle = self.flight.steering
             if isinstance(circle, Circle) and up < height:  # It climbs at once, and descends on the way.
                 flight.steering = replace(circle, begins=(*here, height))
+            flight.first_climb = self._first_climb(height, up)
         elif name in ("LOITER", "GUIDED"):
             self._steer_circle(here, self.parameters["WP_LOITER_RAD"], height)
             self._has_reported_guided = True
         else:
             flight.steering = Level(_CIRCLE_BANK if name == "CIRCLE" else 0.0, height)
             self.telemetry.target = None
+
+    def _first_climb(self, height_m: float, end_m: float) -> FirstClimb | None:
+        """Return the climb with which a return from a height to that of its end begins."""
+        climb_m, until_m = self.parameters["RTL_CLIMB_MIN"], end_m
+        if not int(self.parameters["FLIGHT_OPTIONS"]) & _CLIMB_BEFORE_TURN:
+            if climb_m <= 0.0:
+                return None
+            until_m = height_m + climb_m
+        target_m = max(height_m, end_m) + climb_m + _FIRST_CLIMB_MORE_M
+        return FirstClimb(until_m, target_m, math.radians(self.parameters["LEVEL_ROLL_LIMIT"]))
 
     def _return_end(self, height_m: float) -> Target:
         """Return the end of a return to launch: the nearest rally point within RALLY_LIMIT_KM, else home."""

@@ -149,6 +149,78 @@ def test_an_arduplane_descends_along_the_way_and_climbs_at_once():
     assert climbed_m < 40.0 / np.tan(np.radians(6.0))  # the vehicle's climb, not the way's length
 
 
+@pytest.mark.parametrize(("slope_min_m", "half_m"), [(15.0, 130.0), (61.0, 100.0), (0.0, 100.0)])
+def test_a_descent_that_is_no_slope_is_made_at_once(slope_min_m, half_m):
+    down = way_of(
+        made(replace(ARDUPLANE, slope_min_m=slope_min_m)), state(east=-3000.0, up=160.0, course=0.5 * np.pi)
+    )
+    assert down[np.argmax(down[:, 0] >= -1500.0), 2] == pytest.approx(half_m, abs=1.0)
+
+
+CLIMB_FIRST = 1 << 4
+
+
+@pytest.mark.parametrize(
+    ("changes", "from_m", "climbed_m"),
+    [
+        ({"return_climb_m": 20.0}, 100.0, 120.0),  # also from the height of the return
+        ({"return_climb_m": 20.0}, 160.0, 180.0),
+        ({"return_climb_m": 0.0}, 60.0, None),
+        ({"flight_options": CLIMB_FIRST}, 60.0, 100.0),
+        ({"flight_options": CLIMB_FIRST, "return_climb_m": 20.0}, 60.0, 100.0),
+        ({"flight_options": CLIMB_FIRST}, 120.0, None),
+        ({"flight_options": CLIMB_FIRST - 1}, 60.0, None),
+    ],
+)
+def test_an_arduplane_may_climb_before_it_turns(changes, from_m, climbed_m):
+    """Eastwards, away from home: at 5 degrees of bank, 26.7 m/s turn by 1.8 degrees a second."""
+    track = way_of(made(replace(ARDUPLANE, **changes)), state(east=3000.0, up=from_m, course=0.5 * np.pi))
+    turned = np.flatnonzero(np.diff(track[:, 0]) < 0.0)[0]
+    if climbed_m is None:
+        assert turned < 2.0 * 15.0  # At 125 m of radius a quarter of a turn takes 8 s.
+        return
+    before = track[: np.argmax(track[:, 2] > climbed_m)]
+    steps = np.diff(before[:, :2], axis=0)
+    turned_deg = np.degrees(np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 0], steps[:, 1]))))) / 0.5
+    assert len(before) > 8
+    assert turned_deg.max() < 2.2
+    assert turned > len(before)
+
+
+def test_an_arduplane_that_climbs_first_may_hit_what_it_would_else_turn_away_from():
+    wall = "obstacles:\n" + BLOCK.format("barn", 3150, -40, 3250, 40)
+    here = state(east=3000.0, up=100.0, course=0.5 * np.pi)
+    assert not return_path(made(extra=wall), here)
+    wrong = return_path(made(replace(ARDUPLANE, return_climb_m=20.0), extra=wall), here)
+    assert "barn" in wrong[0].detail
+
+
+@pytest.mark.parametrize(
+    ("up_m", "climb_m", "options"), [(150.0, 20.0, 0), (60.0, 20.0, 0), (150.0, 0.0, CLIMB_FIRST)]
+)
+def test_the_simulated_arduplane_climbs_first_as_foreseen(up_m, climb_m, options):
+    simulator = Simulator(plain_mission(), seed=1)
+    simulator.step(20.0)
+    harness = SimpleNamespace(simulator=simulator, flight=SimpleNamespace(dialect=Dialect.ARDUPILOT))
+    home_at(harness, -1500.0, -600.0)
+    parameters = simulator.autopilot.parameters
+    parameters["RTL_ALTITUDE"], parameters["RTL_CLIMB_MIN"] = up_m, climb_m
+    parameters["FLIGHT_OPTIONS"] = options
+    settings = replace(
+        ARDUPLANE, return_height_m=up_m, return_climb_m=climb_m, flight_options=float(options),
+        return_radius_m=parameters["RTL_RADIUS"],
+    )  # fmt: skip
+    foreseen = return_tracks(made(settings, home=(-1500.0, -600.0, 0.0)), state_of(simulator))
+    simulator.set_mode("RTL")
+    flown = []
+    for _ in range(80):
+        estimate = simulator.autopilot.flight.estimate
+        flown.append((estimate.east_m, estimate.north_m, estimate.up_m))
+        simulator.step(0.5)
+    off = [[LineString(way).distance(Point(row)) for row in flown] for way in foreseen]
+    assert min(max(row) for row in off) < 40.0
+
+
 def test_a_height_that_is_kept():
     track = way_of(made(replace(ARDUPLANE, return_height_m=-1.0)), state(east=3000.0, up=140.0))
     np.testing.assert_allclose(track[:, 2], 140.0)
