@@ -127,6 +127,7 @@ _PARAMETER_NAMES = {
         "rally_limit_km": "RALLY_LIMIT_KM",
         "rally_includes_home": "RALLY_INCL_HOME",
         "terrain_enable": "TERRAIN_ENABLE",
+        "terrain_follow": "TERRAIN_FOLLOW",
         "terrain_spacing_m": "TERRAIN_SPACING",
         "look_ahead_m": "TERRAIN_LOOKAHD",
     },

@@ -119,6 +119,8 @@ class AutopilotSettings:
         Whether an ArduPlane returns home if home is nearer.
     terrain_enable : float or None
         Whether an ArduPlane stores heights of the ground.
+    terrain_follow : float or None
+        Modes in which an ArduPlane keeps heights over ground, as bits: 0 all of them, 4 a return to launch.
     terrain_spacing_m : float or None
         Distance of these heights from each other [m].
     look_ahead_m : float or None
@@ -151,6 +153,7 @@ class AutopilotSettings:
     rally_limit_km: float | None = None
     rally_includes_home: float | None = None
     terrain_enable: float | None = None
+    terrain_follow: float | None = None
     terrain_spacing_m: float | None = None
     look_ahead_m: float | None = None
 
@@ -165,6 +168,12 @@ class AutopilotSettings:
     def has_option(self, option: int) -> bool:
         """Return whether an option of ArduPlane's FLIGHT_OPTIONS is set; it is given as a bit."""
         return bool(int(self.flight_options or 0.0) & option)
+
+    @property
+    def returns_over_ground(self) -> bool:
+        """Whether an ArduPlane's straight return to launch follows the ground."""
+        is_straight = self.return_kind not in (LANDING_AT_ONCE, BY_RETURN_PATH)
+        return is_straight and bool(int(self.terrain_follow or 0.0) & (1 | 1 << 4))
 
     @property
     def throttle_max_share(self) -> float:

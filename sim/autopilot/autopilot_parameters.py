@@ -57,6 +57,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "TECS_CLMB_MAX": (7, _REAL),
     "TECS_SINK_MAX": (7, _REAL),
     "TERRAIN_ENABLE": (1, _INT8),
+    "TERRAIN_FOLLOW": (0, _REAL),  # An INT32, too.
     "TERRAIN_LOOKAHD": (2000, _INT16),
     "TERRAIN_SPACING": (100, _INT16),
     "THR_MAX": (100, _INT8),

@@ -171,3 +171,11 @@ def test_a_px4_with_rally_points_is_not_told_to_return():
     # Told nevertheless, the simulated one flies off, as the real one.
     harness.simulator.set_mode("RTL")
     assert isinstance(harness.simulator.autopilot.flight.steering, Level)
+
+
+@pytest.mark.parametrize(("name", "value"), [("TERRAIN_FOLLOW", 16.0), ("RTL_AUTOLAND", 5.0)])
+def test_the_pilot_is_told_which_parameter_forbids_a_return_that_the_file_allows(name, value):
+    harness = SitlHarness(mission_from_text(OPEN + MAY_RETURN, "open.yaml"))
+    harness.simulator.autopilot.parameters[name] = value
+    harness.fly(6.0)
+    assert f"no return to launch with {name} {value:g}" in harness.texts("fault")

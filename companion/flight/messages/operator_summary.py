@@ -142,6 +142,8 @@ def _return(state: FlightState) -> list[str]:
     kind = state.settings.return_kind
     if not state.mission.authority.allow_rtl or kind is None or not is_unpredictable(state):
         return []
+    if state.flies_by and state.settings.returns_over_ground:
+        return [f"no return to launch with TERRAIN_FOLLOW {state.settings.terrain_follow:g}"]
     name = "RTL_AUTOLAND" if state.flies_by else "rally points, or RTL_TYPE"
     return [f"no return to launch with {name} {kind:g}"]
 

@@ -141,7 +141,7 @@ def is_unpredictable(state: FlightState) -> bool:
     kind = state.settings.return_kind
     if state.flies_by:
         is_unread = state.holds_rally_points and not state.rally_points
-        return is_unread or kind is None or kind > BY_RETURN_PATH
+        return is_unread or kind is None or kind > BY_RETURN_PATH or state.settings.returns_over_ground
     if kind == BY_MISSION:
         operator = state.mission_list.operator
         return operator is None or not operator.has_landing

@@ -87,6 +87,11 @@ ARDUPLANE = (
         "it consumes the reports of other sources and sends its own list at its own rate",
     ),
     ParameterCheck(
+        "TERRAIN_FOLLOW",
+        lambda v: not int(v) & (1 | 1 << 4),
+        "set 0: a straight return to launch would follow the ground, which is not foreseen",
+    ),
+    ParameterCheck(
         "WP_RADIUS",
         lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
         f"set {FLY_BY_M:g}: paths are checked for turns that begin this far before a waypoint",

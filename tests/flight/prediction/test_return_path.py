@@ -242,11 +242,17 @@ def test_a_px4_climbs_in_a_circle_before_it_leaves():
     [
         replace(ARDUPLANE, return_height_m=None), replace(ARDUPLANE, return_kind=None),
         replace(ARDUPLANE, return_kind=5.0), replace(PX4, return_kind=2.0), replace(PX4, return_kind=4.0),
-        replace(PX4, return_kind=5.0),
+        replace(PX4, return_kind=5.0), replace(ARDUPLANE, terrain_follow=1.0),
+        replace(ARDUPLANE, terrain_follow=16.0),
     ],
 )  # fmt: skip
 def test_what_is_not_foreseen_is_not_known(settings):
     assert return_path(made(settings), HERE) is None
+
+
+def test_only_a_straight_return_follows_the_ground():
+    assert return_path(made(replace(ARDUPLANE, terrain_follow=2.0 + 4.0 + 8.0)), HERE) == ()
+    assert return_path(made(replace(ARDUPLANE, return_kind=2.0, terrain_follow=1.0)), HERE) == ()
 
 
 def test_rally_points_that_were_told_of_and_not_read_may_be_anywhere():

@@ -38,6 +38,7 @@ def test_every_field_has_a_name_that_the_simulated_autopilot_knows(dialect):
     only_arduplane = {
         "fence_enable", "fence_types", "slope_min_m", "flight_options", "return_climb_m", "level_bank_deg",
         "num_rally_points", "rally_limit_km", "rally_includes_home", "terrain_enable",
+        "terrain_follow",
         "terrain_spacing_m", "look_ahead_m",
     }  # fmt: skip
     assert set(names) | only_arduplane == set(AutopilotSettings.__dataclass_fields__)
