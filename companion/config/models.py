@@ -116,9 +116,9 @@ class Vehicle(Section):
     penetration_speed_m_s: Speed
     """v_p of the non-membership function: a higher airspeed lowers the threat."""
     climb_angle_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
-    """Steepest climb."""
+    """Steepest climb; flatter where the autopilot's own largest rate of climb asks for that."""
     descent_angle_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
-    """Steepest descent."""
+    """Steepest descent; flatter where the autopilot's own largest rate of descent asks for that."""
     noise: Literal["usual", "paper"] = "usual"
     """Defaults of the keys that contain `std`: `usual` are the defaults below, those of a small aircraft with
     GNSS; `paper` is three times as much, with which Q is about as low as the paper's at a margin of 1 m."""

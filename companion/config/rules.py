@@ -122,7 +122,7 @@ def rules_of(
     fences : tuple of Obstacle
         Fences of the autopilot, as obstacles.
     reported : AutopilotSettings, optional
-        Settings of the autopilot, whose bank and airspeed limits the rules never exceed.
+        Settings of the autopilot, whose limits of bank, airspeed, climb and descent the rules never exceed.
     """
     vehicle, reported = vehicle_of(mission), reported or AutopilotSettings()
     if reported.bank_max_deg:
@@ -132,7 +132,13 @@ def rules_of(
     if reported.airspeed_max_m_s:
         fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)
-    limits = replace(check_limits_of(mission), bank_max_rad=vehicle.bank_max_rad)
+    vehicle = vehicle.with_rates(reported.climb_rate_max_m_s, reported.sink_rate_max_m_s)
+    limits = replace(
+        check_limits_of(mission),
+        bank_max_rad=vehicle.bank_max_rad,
+        climb_angle_max_rad=vehicle.climb_angle_max_rad,
+        descent_angle_max_rad=vehicle.descent_angle_max_rad,
+    )
     settings, exposure = planner_settings_of(mission), exposure_of(mission)
     obstacles = (*mission.obstacle_list, *fences)
     # Another package's planner makes ordinary plans only: what is flown where its paths are refused is ours.

@@ -133,6 +133,7 @@ _PARAMETER_NAMES = {
     },
     Dialect.PX4: {
         "acceptance_radius_m": "NAV_ACC_RAD",
+        "height_acceptance_m": "NAV_FW_ALT_RAD",
         "guidance_period_s": "NPFG_PERIOD",
         "guidance_damping": "NPFG_DAMPING",
         "bank_max_deg": "FW_R_LIM",
@@ -142,6 +143,8 @@ _PARAMETER_NAMES = {
         "airspeed_cruise_m_s": "FW_AIRSPD_TRIM",
         "climb_max_m_s": "FW_T_CLMB_MAX",
         "sink_max_m_s": "FW_T_SINK_MAX",
+        "climb_wanted_m_s": "FW_T_CLMB_R_SP",
+        "sink_wanted_m_s": "FW_T_SINK_R_SP",
         "throttle_max": "FW_THR_MAX",
         "fence_height_m": "GF_MAX_VER_DIST",
         "fence_radius_m": "GF_MAX_HOR_DIST",

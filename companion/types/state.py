@@ -75,6 +75,8 @@ class AutopilotSettings:
     ----------
     acceptance_radius_m : float or None
         Distance at which a waypoint counts as reached [m].
+    height_acceptance_m : float or None
+        Difference of height at which a waypoint counts as reached by a PX4 [m].
     guidance_period_s : float or None
         Period of the lateral guidance [s].
     guidance_damping : float or None
@@ -91,6 +93,8 @@ class AutopilotSettings:
         Equivalent airspeeds [m/s].
     climb_max_m_s, sink_max_m_s : float or None
         Largest rates of climb and descent [m/s].
+    climb_wanted_m_s, sink_wanted_m_s : float or None
+        Rates with which a PX4 climbs and descends in missions [m/s].
     throttle_max : float or None
         Largest throttle: in percent on an ArduPlane, as a share of 1 on a PX4.
     fence_height_m : float or None
@@ -128,6 +132,7 @@ class AutopilotSettings:
     """
 
     acceptance_radius_m: float | None = None
+    height_acceptance_m: float | None = None
     guidance_period_s: float | None = None
     guidance_damping: float | None = None
     bank_max_deg: float | None = None
@@ -139,6 +144,8 @@ class AutopilotSettings:
     airspeed_cruise_m_s: float | None = None
     climb_max_m_s: float | None = None
     sink_max_m_s: float | None = None
+    climb_wanted_m_s: float | None = None
+    sink_wanted_m_s: float | None = None
     throttle_max: float | None = None
     fence_height_m: float | None = None
     fence_radius_m: float | None = None
@@ -168,6 +175,16 @@ class AutopilotSettings:
     def has_option(self, option: int) -> bool:
         """Return whether an option of ArduPlane's FLIGHT_OPTIONS is set; it is given as a bit."""
         return bool(int(self.flight_options or 0.0) & option)
+
+    @property
+    def climb_rate_max_m_s(self) -> float:
+        """Largest rate of climb in a mission [m/s]; infinite if it is not known."""
+        return min(filter(None, (self.climb_max_m_s, self.climb_wanted_m_s)), default=math.inf)
+
+    @property
+    def sink_rate_max_m_s(self) -> float:
+        """Largest rate of descent in a mission [m/s]; infinite if it is not known."""
+        return min(filter(None, (self.sink_max_m_s, self.sink_wanted_m_s)), default=math.inf)
 
     @property
     def returns_over_ground(self) -> bool:

@@ -74,8 +74,10 @@ _PX4: dict[str, tuple[float, int]] = {
     "FW_P_LIM_MIN": (-20, _REAL),
     "FW_R_LIM": (50, _REAL),
     "FW_T_CLMB_MAX": (7, _REAL),
+    "FW_T_CLMB_R_SP": (7, _REAL),
     "FW_THR_MAX": (1, _REAL),
     "FW_T_SINK_MAX": (7, _REAL),
+    "FW_T_SINK_R_SP": (7, _REAL),
     "GF_ACTION": (2, _INT32),
     "GF_MAX_HOR_DIST": (0, _REAL),
     "GF_MAX_VER_DIST": (0, _REAL),
@@ -153,6 +155,13 @@ class Parameters:
         self._types |= {name: kind for name, (_, kind) in table.items()}
         self._values |= {name: float(default) for name, (default, _) in table.items()}
         self._names = sorted(self._values)
+
+    @property
+    def climb_rates_m_s(self) -> tuple[float, float]:
+        """Largest rates of climb and descent; those of a PX4's missions are set for themselves, too."""
+        climb, sink = self["TECS_CLMB_MAX"], self["TECS_SINK_MAX"]
+        wanted = self._values.get("FW_T_CLMB_R_SP", climb), self._values.get("FW_T_SINK_R_SP", sink)
+        return min(climb, wanted[0]), min(sink, wanted[1])
 
     def __len__(self) -> int:
         return len(self._names)

@@ -249,7 +249,7 @@ class Flight:
             turn = self.lateral.circle(estimate, steering.centre, steering.radius_m, steering.direction)
             output.bank_rad = bank_for(turn, limit)
         limits = self.energy.limits
-        limits.climb_m_s, limits.sink_m_s = parameters["TECS_CLMB_MAX"], parameters["TECS_SINK_MAX"]
+        limits.climb_m_s, limits.sink_m_s = parameters.climb_rates_m_s
         limits.pitch_max_rad = math.radians(parameters["PTCH_LIM_MAX_DEG"])
         limits.pitch_min_rad = math.radians(parameters["PTCH_LIM_MIN_DEG"])
         limits.airspeed_min_m_s = parameters["AIRSPEED_MIN"]

@@ -1,9 +1,10 @@
-"""Heights along legs: an ArduPlane flies as slopes only what its parameters say."""
+"""Heights along legs: autopilots climb and descend as their parameters say."""
 
 import numpy as np
 import pytest
 
 from companion.config import mission_from_text
+from companion.types.events import Dialect
 from tests.sim.client import PLAIN
 from tests.support.sitl_harness import SitlHarness
 
@@ -24,22 +25,42 @@ OVER_A_WALL = (
 EACH_CLIMB_AT_ONCE = 1 << 14
 
 
-@pytest.mark.parametrize(("slope_min_m", "options"), [(15, 0), (0, 0), (40, 0), (15, EACH_CLIMB_AT_ONCE)])
-def test_a_wall_is_flown_over_at_the_heights_of_the_path(slope_min_m, options):
-    """With slopes taken for granted the second flight was 39 m below its path behind the wall.
-
-    The wall is passed 50 m above its top; 30 m is the least that a path may have. That flight had 29.9 m.
-    """
-    harness = SitlHarness(mission_from_text(OVER_A_WALL, "wall.yaml"))
-    parameters, flown = harness.simulator.autopilot.parameters, []
-    parameters["ALT_SLOPE_MIN"], parameters["FLIGHT_OPTIONS"] = slope_min_m, options
+def flown_over_the_wall(parameters, dialect):
+    """The flight, and least height over the wall and 30 m beside it [m]."""
+    harness = SitlHarness(mission_from_text(OVER_A_WALL, "wall.yaml"), dialect=dialect)
+    for name, value in parameters.items():
+        harness.simulator.autopilot.parameters[name] = value
+    flown = []
 
     def note(harness):
         true = harness.simulator.autopilot.flight.dynamics.state
         flown.append((true.east_m, true.up_m))
 
-    harness.fly(200.0, note)
+    harness.fly(210.0, note)
     east, up = np.array(flown).T
-    assert up[(east > 1970.0) & (east < 2630.0)].min() > 290.0
+    return harness, up[(east > 1970.0) & (east < 2630.0)].min()
+
+
+@pytest.mark.parametrize(("slope_min_m", "options"), [(15, 0), (0, 0), (40, 0), (15, EACH_CLIMB_AT_ONCE)])
+def test_an_arduplane_flies_over_a_wall_at_the_heights_of_the_path(slope_min_m, options):
+    """With slopes taken for granted the second flight was 39 m below its path behind the wall.
+
+    The wall is passed 50 m above its top; 30 m is the least that a path may have. That flight had 29.9 m.
+    """
+    parameters = {"ALT_SLOPE_MIN": slope_min_m, "FLIGHT_OPTIONS": options}
+    harness, least_m = flown_over_the_wall(parameters, Dialect.ARDUPILOT)
+    assert least_m > 290.0
+    assert not harness.texts("off path")
+    assert harness.app.state.num_reached == 1
+
+
+def test_a_px4_flies_over_a_wall_with_the_rates_that_are_its_defaults():
+    """It climbs at 3 and descends at 2 m/s; the mission file's 10 degrees are 4.3 m/s.
+
+    With paths of 10 degrees it was told three times to be 28 to 30 m above them, and once 101 m beside.
+    """
+    parameters = {"FW_T_CLMB_R_SP": 3.0, "FW_T_SINK_R_SP": 2.0}
+    harness, least_m = flown_over_the_wall(parameters, Dialect.PX4)
+    assert least_m > 290.0
     assert not harness.texts("off path")
     assert harness.app.state.num_reached == 1

@@ -106,11 +106,11 @@ def guidance_of(state: FlightState) -> Guidance:
     return replace(
         usual,
         acceptance_radius_m=settings.acceptance_radius_m or usual.acceptance_radius_m,
+        height_acceptance_m=settings.height_acceptance_m or usual.height_acceptance_m,
         l1_period_s=settings.guidance_period_s or usual.l1_period_s,
         l1_damping=settings.guidance_damping or usual.l1_damping,
         bank_max_rad=bank,
         loiter_radius_m=settings.loiter_radius_m or usual.loiter_radius_m,
-        climb_rate_max_m_s=min(settings.climb_max_m_s or math.inf, usual.climb_rate_max_m_s),
         slope_min=settings.slope_min or usual.slope_min,
         circle_stretch=circle_stretch(state),
     )

@@ -195,5 +195,9 @@ def _variations(guidance: Guidance, ownship: Ownship) -> Iterator[tuple[Guidance
         wind = (wind_east + WIND_VARIATION_M_S * sideways[0], wind_north + WIND_VARIATION_M_S * sideways[1])
         yield guidance, replace(ownship, wind_enu_m_s=wind)
     if not guidance.flies_by:  # A PX4 that is too low accepts its waypoints late.
-        slower = replace(guidance, climb_rate_max_m_s=CLIMB_FACTOR * guidance.climb_rate_max_m_s)
+        slower = replace(
+            guidance,
+            climb_rate_max_m_s=CLIMB_FACTOR * guidance.climb_rate_max_m_s,
+            sink_rate_max_m_s=CLIMB_FACTOR * guidance.sink_rate_max_m_s,
+        )
         yield slower, replace(ownship, position_enu_m=(east, north, up - HEIGHT_VARIATION_M))

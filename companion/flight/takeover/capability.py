@@ -48,13 +48,6 @@ def shortfalls(
         tightest = cruise**2 / (GRAVITY_M_S2 * math.tan(math.radians(settings.bank_max_deg)))
         if float(vehicle.turn_radius_min_m) * TOLERANCE < tightest:
             found.append(f"turn radius {vehicle.turn_radius_min_m:g} m, autopilot {tightest:.0f}")
-    for name, angle_deg, most in (
-        ("climb", vehicle.climb_angle_max_deg, settings.climb_max_m_s),
-        ("descent", vehicle.descent_angle_max_deg, settings.sink_max_m_s),
-    ):
-        asked = cruise * math.sin(math.radians(float(angle_deg)))
-        if mission.dimension == 3 and most and asked > most * TOLERANCE:
-            found.append(f"{name} {asked:.1f} m/s, autopilot {most:g}")
     found += _beyond_fences(mission, settings, home_enu_m)
     return (
         *found,

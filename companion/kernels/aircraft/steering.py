@@ -33,9 +33,9 @@ class SteeringLaw(Struct):
     """Parameters of an autopilot's guidance.
 
     ``period``, ``damping`` of the L1 loop; ``bank_max``, ``roll_rate_max`` and ``roll_time`` of the bank;
-    ``acceptance``, ``height_acceptance`` of a waypoint; ``climb_rate_max``; ``climb_slope_min`` and
-    ``descent_slope_min`` the changes of height from which they are spread over their leg; ``airspeed``
-    commanded behind the first target, 0 for none, and the ``acceleration`` to it.
+    ``acceptance``, ``height_acceptance`` of a waypoint; ``climb_rate_max``, ``sink_rate_max``;
+    ``climb_slope_min`` and ``descent_slope_min`` the changes of height from which they are spread over their
+    leg; ``airspeed`` commanded behind the first target, 0 for none, and the ``acceleration`` to it.
     """
 
     period: float
@@ -46,6 +46,7 @@ class SteeringLaw(Struct):
     acceptance: float
     height_acceptance: float
     climb_rate_max: float
+    sink_rate_max: float
     climb_slope_min: float
     descent_slope_min: float
     airspeed: float
@@ -248,7 +249,7 @@ def fly_targets(
                     end[0] += 1e3 * (end[0] - begin[0])
                     end[1] += 1e3 * (end[1] - begin[1])
                 pull = leg_acceleration(state[0], state[1], ve, vn, begin, end, law)
-            climbed = max(-law.climb_rate_max, min(law.climb_rate_max, (wanted - state[2]) / STEP))
+            climbed = max(-law.sink_rate_max, min(law.climb_rate_max, (wanted - state[2]) / STEP))
             state[2] += climbed * STEP
             if target > 1 and law.airspeed > 0.0:
                 gain = law.acceleration * STEP

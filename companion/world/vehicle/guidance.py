@@ -64,8 +64,8 @@ class Guidance:
         Radius of circles that name none: WP_LOITER_RAD or NAV_LOITER_RAD, positive clockwise [m].
     roll_time_s : float
         Time constant with which the bank follows its command [s].
-    climb_rate_max_m_s : float
-        Largest rate of climb and descent [m/s].
+    climb_rate_max_m_s, sink_rate_max_m_s : float
+        Largest rates of climb and descent [m/s].
     height_acceptance_m : float
         Height difference at which a waypoint is accepted: NAV_FW_ALT_RAD [m].
     slope_min : SlopeMin
@@ -90,6 +90,7 @@ class Guidance:
     loiter_radius_m: float
     roll_time_s: float = ROLL_TIME_S
     climb_rate_max_m_s: float = 5.0
+    sink_rate_max_m_s: float = 5.0
     height_acceptance_m: float = UNLIMITED_M
     slope_min: SlopeMin = ALL_SLOPES
     circle_stretch: float = 1.0
@@ -100,7 +101,7 @@ class Guidance:
     def __post_init__(self) -> None:
         positive = (
             self.l1_period_s, self.l1_damping, self.bank_max_rad, self.roll_rate_max_rad_s, self.roll_time_s,
-            self.climb_rate_max_m_s,
+            self.climb_rate_max_m_s, self.sink_rate_max_m_s,
         )  # fmt: skip
         if not min(positive) > 0.0 or not self.bank_max_rad < 0.5 * math.pi:
             raise ValueError("period, damping, rates and the bank count from above zero")
@@ -116,6 +117,7 @@ class Guidance:
             acceptance=self.acceptance_radius_m,
             height_acceptance=self.height_acceptance_m,
             climb_rate_max=self.climb_rate_max_m_s,
+            sink_rate_max=self.sink_rate_max_m_s,
             climb_slope_min=self.slope_min.climb_m,
             descent_slope_min=self.slope_min.descent_m,
             airspeed=self.airspeed_m_s,
@@ -142,6 +144,7 @@ def default_guidance(*, flies_by: bool, vehicle: VehicleModel) -> Guidance:
         acceptance_radius_m=WP_RADIUS_M if flies_by else NAV_ACC_RAD_M,
         loiter_radius_m=vehicle.turn_radius_min_m,
         climb_rate_max_m_s=vehicle.airspeed_cruise_m_s * math.sin(vehicle.climb_angle_max_rad),
+        sink_rate_max_m_s=vehicle.airspeed_cruise_m_s * math.sin(vehicle.descent_angle_max_rad),
         height_acceptance_m=UNLIMITED_M if flies_by else NAV_FW_ALT_RAD_M,
         slope_min=ARDUPLANE_SLOPES if flies_by else ALL_SLOPES,
     )

@@ -23,7 +23,8 @@ class VehicleModel:
     ``pitch_rate_max_rad_s`` limits the change of the climb angle. The aircraft flies faster than cruise, up
     to ``airspeed_fast_m_s``, only to escape moving threats. Noise values are standard deviations: process
     noise enters with the control, measurement noise with position, course and climb angle. Turns are banked
-    by at most ``bank_max_rad``, which makes them wider in strong wind.
+    by at most ``bank_max_rad``, which makes them wider in strong wind. ``climb_rate_max_m_s`` and
+    ``sink_rate_max_m_s`` are what the autopilot climbs and descends with at most: they flatten the angles.
     """
 
     airspeed_min_m_s: float = 12.5
@@ -45,6 +46,24 @@ class VehicleModel:
     course_std_rad: float = math.radians(2.0)
     climb_std_rad: float = math.radians(1.0)
     bank_max_rad: float = math.radians(40.0)
+    climb_rate_max_m_s: float = math.inf
+    sink_rate_max_m_s: float = math.inf
+
+    def with_rates(self, climb_m_s: float, sink_m_s: float) -> VehicleModel:
+        """Return the aircraft with these largest rates of climb and descent [m/s]."""
+        return replace(self, climb_rate_max_m_s=climb_m_s, sink_rate_max_m_s=sink_m_s)._flattened()
+
+    def _flattened(self) -> VehicleModel:
+        """Return the aircraft with angles whose rates at cruise are at most the largest."""
+        climb, sink = (
+            math.asin(min(rate / self.airspeed_cruise_m_s, 1.0))
+            for rate in (self.climb_rate_max_m_s, self.sink_rate_max_m_s)
+        )
+        return replace(
+            self,
+            climb_angle_max_rad=min(self.climb_angle_max_rad, climb),
+            descent_angle_max_rad=min(self.descent_angle_max_rad, sink),
+        )
 
     def turn_radius_in(self, wind_m_s: float) -> float:
         """Return the ground radius of the tightest turn that is possible on any course [m].
@@ -79,12 +98,12 @@ class VehicleModel:
         return tuple(self.airspeed_cruise_m_s + share * gained for share in FASTER_SHARES)
 
     def at_speed(self, airspeed_m_s: float) -> VehicleModel:
-        """Return the aircraft at a higher cruise speed, with the turns that the bank limit then allows."""
+        """Return the aircraft at a higher cruise speed, with the turns and climbs that are possible then."""
         if airspeed_m_s <= self.airspeed_cruise_m_s:
             return self
         return replace(
             self, airspeed_cruise_m_s=airspeed_m_s, turn_radius_min_m=self._radius_at(airspeed_m_s)
-        )
+        )._flattened()
 
     def slope_in(self, angle_rad: float, wind_m_s: float, airspeed_m_s: float) -> float:
         """Return the ground slope of a climb angle flown downwind, the flattest that is guaranteed [rad].

@@ -2,9 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from companion.config import mission_from_text
+from companion.config.rules import rules_of
 from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.state.flight_state import after_settings_reported, first_state
 from companion.flight.takeover.capability import shortfalls
@@ -33,7 +35,6 @@ IN_SPACE = mission_from_text(PLAIN.replace("dimension: 2", "dimension: 3"), "pla
         ({"fence_height_m": 90.0, "fence_enable": 1.0, "fence_types": 2.0}, ()),
         ({"fence_radius_m": 300.0, "fence_enable": 1.0}, ("goal 1 1904 m away, fence 300",)),
         ({"fence_radius_m": 0.0}, ()),
-        ({"climb_max_m_s": 3.0}, ()),  # nobody climbs in the plane
     ],
 )
 def test_both_numbers_are_told(settings, found):
@@ -49,21 +50,37 @@ def test_the_fences_are_about_home_as_soon_as_it_is_known():
     )  # fmt: skip
 
 
-def test_climb_and_descent():
-    # 25 m/s * sin 10 deg = 4.34 m/s
-    told = AutopilotSettings(climb_max_m_s=3.0, sink_max_m_s=4.0)
-    assert shortfalls(IN_SPACE, told) == ("climb 4.3 m/s, autopilot 3", "descent 4.3 m/s, autopilot 4")
-    assert shortfalls(IN_SPACE, AutopilotSettings(climb_max_m_s=5.0, sink_max_m_s=5.0)) == ()
+@pytest.mark.parametrize(
+    ("told", "climb_deg", "descent_deg", "fast_climb_deg"),
+    [
+        # 25 m/s * sin 10 deg = 4.34 m/s; asin(5 / 37.5) = 7.66 deg
+        ({"climb_max_m_s": 5.0, "sink_max_m_s": 5.0}, 10.0, 10.0, 7.662),
+        ({"climb_max_m_s": 3.0, "sink_max_m_s": 4.0}, 6.892, 9.207, 4.588),
+        # A PX4's defaults
+        ({"climb_max_m_s": 5.0, "sink_max_m_s": 5.0, "climb_wanted_m_s": 3.0, "sink_wanted_m_s": 2.0},
+         6.892, 4.589, 4.588),
+        ({}, 10.0, 10.0, 10.0),
+    ],
+)  # fmt: skip
+def test_plans_climb_and_descend_no_faster_than_the_autopilot(told, climb_deg, descent_deg, fast_climb_deg):
+    rules = rules_of(IN_SPACE, reported=AutopilotSettings(**told))
+    for limits in (rules.vehicle, rules.checker.limits):
+        angles = limits.climb_angle_max_rad, limits.descent_angle_max_rad
+        assert np.degrees(angles) == pytest.approx((climb_deg, descent_deg), abs=0.001)
+    fast = rules.vehicle.at_speed(37.5)
+    assert math.degrees(fast.climb_angle_max_rad) == pytest.approx(fast_climb_deg, abs=0.001)
 
 
 def test_what_was_told_is_what_tracks_are_foreseen_by():
     told = AutopilotSettings(
         acceptance_radius_m=30.0, guidance_period_s=22.0, guidance_damping=0.8, bank_max_deg=35.0,
-        loiter_radius_m=-90.0, climb_max_m_s=2.0,
+        loiter_radius_m=-90.0, height_acceptance_m=7.0, climb_max_m_s=2.0, sink_max_m_s=3.0,
     )  # fmt: skip
     guidance = guidance_of(after_settings_reported(first_state(MISSION, 0.0), told))
     assert (guidance.acceptance_radius_m, guidance.l1_period_s, guidance.l1_damping) == (30.0, 22.0, 0.8)
-    assert (guidance.loiter_radius_m, guidance.climb_rate_max_m_s) == (-90.0, 2.0)
+    assert (guidance.loiter_radius_m, guidance.climb_rate_max_m_s) == (-90.0, pytest.approx(2.0))
+    assert guidance.height_acceptance_m == 7.0
+    assert guidance.sink_rate_max_m_s == pytest.approx(3.0)
     assert guidance.bank_max_rad == pytest.approx(math.radians(35.0))
     untold = guidance_of(first_state(MISSION, 0.0))
     assert untold.acceptance_radius_m == 50.0

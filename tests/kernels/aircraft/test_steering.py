@@ -15,7 +15,7 @@ from companion.kernels.aircraft.steering import (
 from companion.kernels.arrays import FollowedGround
 from companion.world.vehicle.guidance import NO_FOLLOWED_GROUND
 
-LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 0.0, 0.0, 0.0, 0.0)
+LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 5.0, 0.0, 0.0, 0.0, 0.0)
 BEGIN, END = np.array([0.0, 0.0, 100.0]), np.array([0.0, 1000.0, 130.0])
 CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
 
@@ -151,7 +151,7 @@ def flown(ground, places, *, circle=None, num_rows=161, law=LAW):
 def test_heights_over_ground_follow_the_ground_between_targets():
     """A hill 60 m high in the middle of a leg between two targets 100 and 130 m over flat ground."""
     ground = ground_along([0.0, 400.0, 500.0, 600.0], [0.0, 0.0, 60.0, 0.0])
-    law = LAW._replace(climb_rate_max=50.0)
+    law = LAW._replace(climb_rate_max=50.0, sink_rate_max=50.0)
     rows = flown(ground, [[0.0, 0.0, 100.0], [0.0, 1000.0, 130.0]], law=law)
     hill = np.interp(rows[:, 1], [0.0, 400.0, 500.0, 600.0], [0.0, 0.0, 60.0, 0.0])
     assert rows[:, 2] == pytest.approx(100.0 + 0.03 * np.minimum(rows[:, 1], 1000.0) + hill, abs=1.0)
@@ -175,7 +175,7 @@ def test_a_steep_rise_is_climbed_for_ahead_by_the_autopilots_look_ahead():
 
 @pytest.mark.parametrize(("down_m", "share"), [(10.0, 1.0), (20.0, 0.5)])
 def test_over_ground_a_slight_descent_is_made_at_once(down_m, share):
-    law = LAW._replace(descent_slope_min=15.0, climb_rate_max=1e3)
+    law = LAW._replace(descent_slope_min=15.0, sink_rate_max=1e3)
     rows = flown(ground_along([0.0], [7.0]), [[0.0, 0.0, 100.0], [0.0, 1000.0, 100.0 - down_m]], law=law)
     middle = rows[np.argmin(np.abs(rows[:, 1] - 500.0))]
     assert middle[2] == pytest.approx(100.0 - share * down_m, abs=0.2)
@@ -183,7 +183,7 @@ def test_over_ground_a_slight_descent_is_made_at_once(down_m, share):
 
 def test_a_circle_behind_targets_over_ground_is_level():
     ground = ground_along([0.0, 2000.0], [0.0, 200.0])
-    law = LAW._replace(climb_rate_max=50.0)
+    law = LAW._replace(climb_rate_max=50.0, sink_rate_max=50.0)
     circle = np.array([0.0, 400.0, 150.0, 125.0])
     rows = flown(ground, [[0.0, 0.0, 100.0], [0.0, 400.0, 150.0]], circle=circle, law=law, num_rows=400)
     round_it = rows[300:]

@@ -35,13 +35,13 @@ def test_every_field_has_a_name_that_the_simulated_autopilot_knows(dialect):
     names, parameters = dialect.parameter_names, harness.simulator.autopilot.parameters
     for meaning, name in names.items():
         assert getattr(settings, meaning) == pytest.approx(parameters[name])
-    only_arduplane = {
+    only_one = {
         "fence_enable", "fence_types", "slope_min_m", "flight_options", "return_climb_m", "level_bank_deg",
-        "num_rally_points", "rally_limit_km", "rally_includes_home", "terrain_enable",
-        "terrain_follow",
-        "terrain_spacing_m", "look_ahead_m",
+        "num_rally_points", "rally_limit_km", "rally_includes_home", "terrain_enable", "terrain_follow",
+        "terrain_spacing_m", "look_ahead_m", "climb_wanted_m_s", "sink_wanted_m_s",
+        "height_acceptance_m",
     }  # fmt: skip
-    assert set(names) | only_arduplane == set(AutopilotSettings.__dataclass_fields__)
+    assert set(names) | only_one == set(AutopilotSettings.__dataclass_fields__)
 
 
 def test_a_few_at_once_and_not_for_ever(monkeypatch):
