@@ -24,7 +24,7 @@ CHORD_MAX_RAD = math.radians(25.0)  # A turn flown from point to point is divide
 # Acceptance radius of a goal that the mission continues after: a fly-by might miss it.
 GOAL_ACCEPTANCE_M = 15.0
 STRAIGHT_RAD = 1e-4  # Smaller changes of course are rounding.
-FLY_BY_M = 50.0  # WP_RADIUS: ArduPlane turns to the next waypoint at this distance.
+FLY_BY_M = 50.0  # WP_RADIUS: ArduPlane turns by a right angle at this distance from a waypoint.
 # Waypoints are added if the height differs from the line between them by more; over ground, by less.
 HEIGHT_TOLERANCE_M, OVER_GROUND_TOLERANCE_M = 8.0, 2.5
 # A leg that is flown level is divided if its height changes by more than the first, in steps of the second.
@@ -101,11 +101,11 @@ def waypoints_from_path(
 ) -> Waypoints:
     """Return waypoints along a path, with several of them in a turn.
 
-    ArduPlane turns at WP_RADIUS before a waypoint and cuts its corner. Its waypoints are the corners of the
-    polygon around an arc: an aircraft that rounds them at the path's radius flies the arc itself. A PX4 turns
-    no more than about 10 m before a waypoint, whatever the item requests (measured, and so in its
-    ``mission_block.cpp``). Its waypoints lie on the arc. Straight flight needs a waypoint only if the height
-    differs too much from the line between two waypoints.
+    ArduPlane turns before a waypoint and cuts its corner, the earlier the sharper it is. Its waypoints are
+    the corners of the polygon around an arc: an aircraft that rounds them at the path's radius flies the arc
+    itself. A PX4 turns no more than about 10 m before a waypoint, whatever the item requests (measured, and
+    so in its ``mission_block.cpp``). Its waypoints lie on the arc. Straight flight needs a waypoint only if
+    the height differs too much from the line between two waypoints.
 
     Parameters
     ----------

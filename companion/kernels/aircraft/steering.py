@@ -33,7 +33,8 @@ class SteeringLaw(Struct):
     """Parameters of an autopilot's guidance.
 
     ``period``, ``damping`` of the L1 loop; ``bank_max``, ``roll_rate_max`` and ``roll_time`` of the bank;
-    ``acceptance``, ``height_acceptance`` of a waypoint; ``climb_rate_max``, ``sink_rate_max``;
+    ``acceptance``, ``height_acceptance`` of a waypoint; ``waits_for_turns`` whether the distance is that of a
+    right angle, and less before a lesser turn, as ArduPlane's; ``climb_rate_max``, ``sink_rate_max``;
     ``climb_slope_min`` and ``descent_slope_min`` the changes of height from which they are spread over their
     leg; ``airspeed`` commanded behind the first target, 0 for none, and the ``acceleration`` to it.
     """
@@ -45,6 +46,7 @@ class SteeringLaw(Struct):
     roll_time: float
     acceptance: float
     height_acceptance: float
+    waits_for_turns: bool
     climb_rate_max: float
     sink_rate_max: float
     climb_slope_min: float
@@ -193,12 +195,49 @@ def _climb_ahead(
 
 
 @kernel
-def _is_reached(state: Float1D, share: float, end: Float1D, law: SteeringLaw) -> bool:
+def _turn_at(
+    state: Float1D,
+    begin: Float1D,
+    places: Float2D,
+    target: int,
+    circle: Float1D,
+    law: SteeringLaw,
+    is_new: bool,
+) -> float:
+    """Return the turn at a target, as a share of a right angle and at most 1.
+
+    ``state`` (6,) is the aircraft. The leg begins at ``begin`` (3,), or, if it is new and an ArduPlane is
+    already abeam its target, where that is (``Plane::set_next_WP``): ``begin`` is overwritten then.
+    ``places`` (M + 1, 3) has the target and what follows; behind the last of them comes ``circle`` (4,), if
+    it has a radius.
+    """
+    last = len(places) - 1
+    if not law.waits_for_turns or target > last:
+        return 1.0
+    if is_new and _share(state, begin, places[target]) >= 1.0:
+        begin[:] = state[:3]
+    if target == last and circle[3] == 0.0:
+        return 1.0
+    e, n = places[target, 0], places[target, 1]
+    after_e = places[target + 1, 0] if target < last else circle[0]
+    after_n = places[target + 1, 1] if target < last else circle[1]
+    turn = math.atan2(after_e - e, after_n - n) - math.atan2(e - begin[0], n - begin[1])
+    turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
+    return min(1.0, abs(turn) / HALF_PI)
+
+
+@kernel
+def _is_reached(
+    state: Float1D, share: float, end: Float1D, speed: float, turn_share: float, law: SteeringLaw
+) -> bool:
     """Return whether ``end`` (3,) counts as reached at ``state`` (6,): near or abeam, and near its height."""
     if abs(state[2] - end[2]) > law.height_acceptance:
         return False
     away = math.sqrt((end[0] - state[0]) ** 2 + (end[1] - state[1]) ** 2)
-    return share >= 1.0 or away <= law.acceptance
+    acceptance = law.acceptance
+    if law.waits_for_turns:  # ``AP_L1_Control::turn_distance``
+        acceptance = turn_share * min(acceptance, law.damping * law.period * speed / math.pi)
+    return share >= 1.0 or away <= acceptance
 
 
 @kernel
@@ -216,6 +255,7 @@ def fly_targets(
     target, begin, end = 1, local_floats(3), local_floats(3)
     begin[:] = places[0]
     last = len(places) - 1
+    turn_share = _turn_at(state, begin, places, target, circle, law, False)
     climbed, ahead = 0.0, 0.0
     for row in range(len(rows)):
         ve = state[5] * math.sin(state[3]) + wind[0]
@@ -231,10 +271,12 @@ def fly_targets(
             vn = state[5] * math.cos(state[3]) + wind[1]
             if target <= last:
                 share = _share(state, begin, places[target])
-                if _is_reached(state, share, places[target], law):
+                speed = math.sqrt(ve * ve + vn * vn)
+                if _is_reached(state, share, places[target], speed, turn_share, law):
                     if target < last or circle[3] != 0.0:
                         begin[:] = places[target]
                     target += 1
+                    turn_share = _turn_at(state, begin, places, target, circle, law, True)
             if target > last and circle[3] != 0.0:
                 wanted = circle[2]
                 pull = circle_acceleration(state[0], state[1], ve, vn, circle, law)

@@ -59,7 +59,8 @@ class Guidance:
     roll_rate_max_rad_s : float
         Largest rate of change of the bank angle [rad/s].
     acceptance_radius_m : float
-        Distance at which a waypoint is accepted: WP_RADIUS or NAV_ACC_RAD [m].
+        Distance at which a waypoint is accepted: NAV_ACC_RAD, or WP_RADIUS before a right angle [m].
+        Before a lesser turn, ArduPlane's is less in proportion (``AP_L1_Control::turn_distance``).
     loiter_radius_m : float
         Radius of circles that name none: WP_LOITER_RAD or NAV_LOITER_RAD, positive clockwise [m].
     roll_time_s : float
@@ -114,8 +115,9 @@ class Guidance:
             bank_max=self.bank_max_rad,
             roll_rate_max=self.roll_rate_max_rad_s,
             roll_time=self.roll_time_s,
-            acceptance=self.acceptance_radius_m,
+            acceptance=self.acceptance_radius_m * (self.circle_stretch if self.flies_by else 1.0),
             height_acceptance=self.height_acceptance_m,
+            waits_for_turns=self.flies_by,
             climb_rate_max=self.climb_rate_max_m_s,
             sink_rate_max=self.sink_rate_max_m_s,
             climb_slope_min=self.slope_min.climb_m,

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.frames import wrapped_angle
 from companion.types.mission import Command, MavFrame, MissionItem
-from ...mission_types import MissionKind, Verdict
+from ...mission_types import MissionKind, Verdict, is_navigation
 from ...projection import FastProjection
 from ...vehicle.control import Circle, FirstClimb, Flight, Leg, Level
 from ..autopilot_parameters import Parameters
@@ -95,6 +96,7 @@ class ArduPlane(MissionPilot):
         self._shows_item_zero = False
         self._reported_total = 0
         self._pending_reached: int | None = None
+        self._turn_rad = 0.0
         transfers = [
             *("MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_ITEM", "MISSION_ITEM_INT"),
             *("MISSION_REQUEST_LIST", "MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_CLEAR_ALL"),
@@ -342,7 +344,7 @@ class ArduPlane(MissionPilot):
 
     def _has_passed(self, leg: Leg, item: MissionItem) -> bool:
         distance = self._distance_to_end(leg)
-        radius = (item.parameters[1] or 0.0) or self.parameters["WP_RADIUS"]
+        radius = (item.parameters[1] or 0.0) or self._turn_distance_m()
         is_near = distance <= radius
         if is_near or self._is_abeam(leg):
             verb = "Reached" if is_near else "Passed"
@@ -350,6 +352,30 @@ class ArduPlane(MissionPilot):
             self.say(mavlink.MAV_SEVERITY_INFO, text)
             return True
         return False
+
+    def _steer_item(self, item: MissionItem) -> None:
+        """Steer for a navigation item, and note the turn at it; one already abeam is turned back to."""
+        super()._steer_item(item)
+        leg, self._turn_rad = self.flight.steering, 0.5 * math.pi
+        if not isinstance(leg, Leg):
+            return
+        if self._is_abeam(leg):
+            leg = replace(leg, start=self.flight.position)
+            self.flight.steering = leg
+        following = self.store.mission[item.sequence + 1 :]
+        after = next((other for other in following if is_navigation(other.command)), None)
+        if after is not None and (after.latitude_e7 or after.longitude_e7):
+            end = self._position(after)
+            on = math.atan2(end[0] - leg.end[0], end[1] - leg.end[1])
+            here = math.atan2(leg.end[0] - leg.start[0], leg.end[1] - leg.start[1])
+            self._turn_rad = abs(wrapped_angle(on - here))
+
+    def _turn_distance_m(self) -> float:
+        """Distance before a waypoint at which it counts as reached: less where the turn is less."""
+        damping, period = self.parameters["NAVL1_DAMPING"], self.parameters["NAVL1_PERIOD"]
+        ahead_m = damping * period * self.flight.estimate.ground_speed_m_s / math.pi
+        distance_m = min(self._circled_radius(self.parameters["WP_RADIUS"]), ahead_m)
+        return distance_m * min(self._turn_rad / (0.5 * math.pi), 1.0)
 
     # --- messages and commands
 

@@ -234,7 +234,7 @@ def round_a_corner(made):
 def test_a_mission_that_flies_wide_is_corrected_or_else_flown_at_cruise(monkeypatch):
     found, _ = round_a_corner(begun())
     assert (found.violations, found.waypoints.airspeed_m_s) == ((), 37.5)
-    near = begun("obstacles:\n" + BLOCK.format("tower", 876, 105, 910, 125))
+    near = begun("obstacles:\n" + BLOCK.format("tower", 896, 95, 930, 115))
     found, nearest = round_a_corner(near)
     assert (found.violations, found.waypoints.airspeed_m_s) == ((), 37.5)
     assert nearest > near.rules.checker.limits.margin_m

@@ -15,7 +15,7 @@ from companion.kernels.aircraft.steering import (
 from companion.kernels.arrays import FollowedGround
 from companion.world.vehicle.guidance import NO_FOLLOWED_GROUND
 
-LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, 5.0, 5.0, 0.0, 0.0, 0.0, 0.0)
+LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, False, 5.0, 5.0, 0.0, 0.0, 0.0, 0.0)
 BEGIN, END = np.array([0.0, 0.0, 100.0]), np.array([0.0, 1000.0, 130.0])
 CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
 
@@ -98,6 +98,47 @@ def test_without_a_circle_the_last_leg_goes_on():
     fly_targets(start(), (0.0, 0.0), places, np.zeros(4), LAW, NO_FOLLOWED_GROUND, 5, rows)
     assert rows[-1, 1] == pytest.approx(500.0, abs=1e-6)
     assert rows[-1, 6] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "acceptance", "period", "before_m"),
+    [
+        (90.0, 50.0, 17.0, 50.0),
+        (120.0, 50.0, 17.0, 50.0),
+        (-45.0, 50.0, 17.0, 25.0),
+        (30.0, 60.0, 17.0, 20.0),
+        (0.0, 50.0, 17.0, 0.0),
+        (45.0, 200.0, 17.0, 50.7),  # at most the L1 distance, 0.75 * 17 * 25 / pi = 101.5 m
+    ],
+)
+def test_an_arduplane_waits_with_a_turn_the_longer_the_lesser_it_is(turn_deg, acceptance, period, before_m):
+    """``AP_L1_Control::turn_distance``: the distance of a right angle, in proportion to the turn."""
+    turn = math.radians(turn_deg)
+    after = (900.0 * math.sin(turn), 500.0 + 900.0 * math.cos(turn), 100.0)
+    law = LAW._replace(waits_for_turns=True, acceptance=acceptance, period=period)
+    rows = np.empty((500, 7))
+    places = np.array([[0.0, 0.0, 100.0], [0.0, 500.0, 100.0], after])
+    fly_targets(start(), (0.0, 0.0), places, np.zeros(4), law, NO_FOLLOWED_GROUND, 1, rows)
+    first = np.argmax(rows[:, 6] >= 1.0)
+    assert 500.0 - rows[first, 1] == pytest.approx(before_m, abs=2.6)
+
+
+def test_a_waypoint_that_is_abeam_when_it_comes_next_is_flown_to_from_there():
+    law, rows = LAW._replace(waits_for_turns=True), np.empty((500, 7))
+    places = np.array([[0.0, north, 100.0] for north in (0.0, 500.0, 470.0, 1500.0)])
+    fly_targets(start(), (0.0, 0.0), places, np.zeros(4), law, NO_FOLLOWED_GROUND, 1, rows)
+    reached = [rows[np.argmax(rows[:, 6] >= number), 1] for number in (1.0, 2.0)]
+    assert reached == pytest.approx([450.0, 470.0], abs=2.6)
+
+
+def test_before_a_circle_the_turn_is_that_to_its_centre():
+    law, rows = LAW._replace(waits_for_turns=True), np.empty((500, 7))
+    places, circle = (
+        np.array([[0.0, 0.0, 100.0], [0.0, 500.0, 100.0]]),
+        np.array([200.0, 700.0, 100.0, 125.0]),
+    )
+    fly_targets(start(), (0.0, 0.0), places, circle, law, NO_FOLLOWED_GROUND, 1, rows)
+    assert 500.0 - rows[np.argmax(rows[:, 6] >= 1.0), 1] == pytest.approx(25.0, abs=2.6)
 
 
 def test_a_waypoint_missed_in_height_is_not_reached():

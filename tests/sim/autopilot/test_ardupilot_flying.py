@@ -28,6 +28,30 @@ from tests.sim.client import (
 # --- flying items
 
 
+@pytest.mark.parametrize(
+    ("turn_deg", "before_m"),
+    [(30.0, 16.0), (45.0, 25.0), (90.0, 50.0), (135.0, 50.0), (10.0, 4.0), (0.0, 0.0)],
+)
+def test_a_waypoint_is_reached_the_earlier_the_more_it_turns_there(client, turn_deg, before_m):
+    """ArduPlane 4.8-dev, seen every 1.5 m: 25 m before turns by 45 degrees, 16 m by 30, 0 to 2 m by none."""
+    turn = math.radians(turn_deg)
+    after = item(WAYPOINT, 800.0 + 900.0 * math.cos(turn), 900.0 * math.sin(turn))
+    client.upload([item(WAYPOINT, 0.0, 0.0), item(WAYPOINT, 800.0, 0.0), after])
+    client.set_current(1)
+    assert client.wait("MISSION_ITEM_REACHED", 60.0).seq == 1
+    assert math.dist(autopilot(client).flight.position, (800.0, 0.0)) == pytest.approx(before_m, abs=4.0)
+
+
+def test_a_waypoint_that_is_abeam_when_it_comes_next_is_flown_to_from_there(client):
+    """The first is reached 50 m before it; the second lies 30 m before the first (``Plane::set_next_WP``)."""
+    places = ((0.0, 0.0), (800.0, 0.0), (770.0, 0.0), (1500.0, 0.0))
+    client.upload([item(WAYPOINT, *place) for place in places])
+    client.set_current(1)
+    for sequence, east_m in ((2, 750.0), (3, 770.0)):
+        assert client.until(lambda wanted=sequence: autopilot(client).current_sequence == wanted, 60.0)
+        assert autopilot(client).flight.position[0] == pytest.approx(east_m, abs=5.0)
+
+
 def test_reached_is_a_single_slot_that_a_do_item_takes_over(client):
     items = [*route((200.0, 0.0)), item(SPEED, 0.0, 0.0, 0.0, p2=30.0), item(WAYPOINT, 900.0, 0.0)]
     client.upload(items)
