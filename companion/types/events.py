@@ -104,10 +104,12 @@ _PARAMETER_NAMES = {
         "fence_enable": "FENCE_ENABLE",  # Requested first: the other fence parameters depend on it.
         "fence_types": "FENCE_TYPE",
         "acceptance_radius_m": "WP_RADIUS",
+        "passing_max_m": "WP_MAX_RADIUS",
         "guidance_period_s": "NAVL1_PERIOD",
         "guidance_damping": "NAVL1_DAMPING",
         "bank_max_deg": "ROLL_LIMIT_DEG",
         "loiter_radius_m": "WP_LOITER_RAD",
+        "height_offset_m": "ALT_OFFSET",
         "slope_min_m": "ALT_SLOPE_MIN",
         "flight_options": "FLIGHT_OPTIONS",
         "airspeed_min_m_s": "AIRSPEED_MIN",

@@ -75,6 +75,8 @@ class AutopilotSettings:
     ----------
     acceptance_radius_m : float or None
         Distance at which a waypoint counts as reached [m].
+    passing_max_m : float or None
+        An ArduPlane turns back to a waypoint that it passes farther away, unless this is 0 [m].
     height_acceptance_m : float or None
         Difference of height at which a waypoint counts as reached by a PX4 [m].
     guidance_period_s : float or None
@@ -85,6 +87,8 @@ class AutopilotSettings:
         Largest bank [deg].
     loiter_radius_m : float or None
         Default radius of circles, negative anticlockwise [m].
+    height_offset_m : float or None
+        An ArduPlane flies missions higher by this than their items say [m].
     slope_min_m : float or None
         Change of height from which an ArduPlane flies a leg as a slope; with 0 it flies no slopes [m].
     flight_options : float or None
@@ -132,11 +136,13 @@ class AutopilotSettings:
     """
 
     acceptance_radius_m: float | None = None
+    passing_max_m: float | None = None
     height_acceptance_m: float | None = None
     guidance_period_s: float | None = None
     guidance_damping: float | None = None
     bank_max_deg: float | None = None
     loiter_radius_m: float | None = None
+    height_offset_m: float | None = None
     slope_min_m: float | None = None
     flight_options: float | None = None
     airspeed_min_m_s: float | None = None

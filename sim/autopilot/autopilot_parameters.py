@@ -20,6 +20,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "AIRSPEED_CRUISE": (22, _REAL),
     "AIRSPEED_MAX": (38, _INT16),
     "AIRSPEED_MIN": (12, _INT16),
+    "ALT_OFFSET": (0, _INT16),
     "ALT_SLOPE_MIN": (15, _INT16),
     "AVD_ENABLE": (0, _INT8),
     "AVD_F_ACTION": (1, _INT8),
@@ -62,6 +63,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "TERRAIN_SPACING": (100, _INT16),
     "THR_MAX": (100, _INT8),
     "WP_LOITER_RAD": (80, _INT16),
+    "WP_MAX_RADIUS": (0, _INT16),
     "WP_RADIUS": (50, _INT16),
 }
 # PX4's, with its defaults; with the ArduPlane name that the simulator's own loops read, if there is one.

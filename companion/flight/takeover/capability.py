@@ -48,6 +48,10 @@ def shortfalls(
         tightest = cruise**2 / (GRAVITY_M_S2 * math.tan(math.radians(settings.bank_max_deg)))
         if float(vehicle.turn_radius_min_m) * TOLERANCE < tightest:
             found.append(f"turn radius {vehicle.turn_radius_min_m:g} m, autopilot {tightest:.0f}")
+    if settings.height_offset_m:
+        found.append(f"ALT_OFFSET {settings.height_offset_m:g}: must be 0")
+    if settings.passing_max_m:
+        found.append(f"WP_MAX_RADIUS {settings.passing_max_m:g}: must be 0")
     found += _beyond_fences(mission, settings, home_enu_m)
     return (
         *found,

@@ -94,7 +94,16 @@ ARDUPLANE = (
     ParameterCheck(
         "WP_RADIUS",
         lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
-        f"set {FLY_BY_M:g}: paths are checked for turns that begin this far before a waypoint",
+        f"set {FLY_BY_M:g}: the path of a mission is best followed with it",
+    ),
+    ParameterCheck(
+        "ALT_OFFSET", lambda v: v == 0.0, "set 0: missions would be flown that much higher or lower", True
+    ),
+    ParameterCheck(
+        "WP_MAX_RADIUS",
+        lambda v: v == 0.0,
+        "set 0: it would turn back to waypoints that it passes on the inside of a turn",
+        True,
     ),
 )
 PX4 = (

@@ -25,6 +25,9 @@ IN_SPACE = mission_from_text(PLAIN.replace("dimension: 2", "dimension: 3"), "pla
     [
         ({}, ()),
         ({"airspeed_min_m_s": 12.0, "airspeed_max_m_s": 38.0, "bank_max_deg": 50.0}, ()),
+        ({"passing_max_m": 0.0, "height_offset_m": 0.0}, ()),
+        ({"height_offset_m": -5.0}, ("ALT_OFFSET -5: must be 0",)),
+        ({"passing_max_m": 30.0}, ("WP_MAX_RADIUS 30: must be 0",)),
         ({"airspeed_max_m_s": 22.0}, ("cruise 25 m/s, autopilot at most 22",)),
         ({"airspeed_min_m_s": 28.0}, ("cruise 25 m/s, autopilot at least 28",)),
         # 625 / (9.80665 * tan 20 deg) = 175.1 m; at 27 deg 125.1 m, which is 125

@@ -38,7 +38,8 @@ MISSION = mission_from_text(FIRST_FLIGHT, "first-flight.yaml")
 GOOD = {
     "MIS_RESTART": 0.0, "RTL_AUTOLAND": 2.0, "TERRAIN_FOLLOW": 0.0,
     "AVD_ENABLE": 0.0, "AVD_F_ACTION": 1.0, "AVD_W_ACTION": 1.0, "ADSB_TYPE": 0.0,
-    "WP_RADIUS": 50.0, "AIRSPEED_MIN": 12.0, "AIRSPEED_MAX": 38.0, "AIRSPEED_CRUISE": 25.0,
+    "WP_RADIUS": 50.0, "WP_MAX_RADIUS": 0.0, "ALT_OFFSET": 0.0,
+    "AIRSPEED_MIN": 12.0, "AIRSPEED_MAX": 38.0, "AIRSPEED_CRUISE": 25.0,
     "SERIAL1_PROTOCOL": 2.0, "SERIAL1_BAUD": 921.0,
 }  # fmt: skip
 GOOD_PX4 = {
@@ -106,7 +107,7 @@ def test_a_key_that_others_may_read_is_a_failure(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("dialect", "values", "number"), [(Dialect.ARDUPILOT, GOOD, 8), (Dialect.PX4, GOOD_PX4, 5)]
+    ("dialect", "values", "number"), [(Dialect.ARDUPILOT, GOOD, 10), (Dialect.PX4, GOOD_PX4, 5)]
 )
 @pytest.mark.parametrize("baud_rate", [None, 921_600])
 def test_good_parameters_need_nothing(dialect, values, number, baud_rate):
