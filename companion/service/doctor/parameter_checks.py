@@ -93,8 +93,8 @@ ARDUPLANE = (
     ),
     ParameterCheck(
         "WP_RADIUS",
-        lambda v: 0.5 * FLY_BY_M <= v <= 1.5 * FLY_BY_M,
-        f"set {FLY_BY_M:g}: the path of a mission is best followed with it",
+        lambda v: 0.5 * FLY_BY_M <= v <= 3.0 * FLY_BY_M,
+        "set 0.8 times turn_radius_min_m: paths are followed best with it",
     ),
     ParameterCheck(
         "ALT_OFFSET", lambda v: v == 0.0, "set 0: missions would be flown that much higher or lower", True

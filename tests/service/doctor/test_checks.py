@@ -124,7 +124,7 @@ def test_good_parameters_need_nothing(dialect, values, number, baud_rate):
         ({"AVD_ENABLE": 1.0}, "AVD_ENABLE", WARN),
         ({"AVD_ENABLE": 1.0, "AVD_F_ACTION": 4.0}, "AVD_F_ACTION", FAIL),
         ({"ADSB_TYPE": 1.0}, "ADSB_TYPE", WARN),
-        ({"WP_RADIUS": 90.0}, "WP_RADIUS", WARN),
+        ({"WP_RADIUS": 160.0}, "WP_RADIUS", WARN),
         ({"WP_RADIUS": 10.0}, "WP_RADIUS", WARN),
         ({"AIRSPEED_MIN": 26.0}, "airspeeds", FAIL),
         ({"SERIAL1_BAUD": 57.0}, "serial ports", WARN),
