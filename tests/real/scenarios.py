@@ -15,6 +15,7 @@ BY_MISSION = 2  # RTL_TYPE
 RETURN_AFTER_S = (12.0, 75.0)
 FENCE_AHEAD_M, FENCE_HALF_M = 900.0, 45.0
 KILL_AFTER_S = (3.0, 60.0)
+UPLOADS_MAX = 5
 
 
 def at_boot(deck):
@@ -95,12 +96,16 @@ def changed_mind(deck):
 
 
 def other_mission(deck):
-    """The operator uploads another mission in the air, which leads home."""
+    """The operator uploads another mission in the air, which leads home; again if the autopilot is busy."""
     after_upload(deck)
     deck.wait_entered()
     deck.pause(deck.chance.uniform(0.0, 3.0))
-    result = deck.station.upload(deck.course.return_home())
-    deck.note("other mission", result=result)
+    for _ in range(UPLOADS_MAX):
+        result = deck.station.upload(deck.course.return_home())
+        deck.note("other mission", result=result)
+        if result == mavlink.MAV_MISSION_ACCEPTED:
+            break
+        deck.pause(1.0)
     deck.station.set_current(0)
     if not deck.station.is_in_mission:
         deck.station.set_mode("mission")
