@@ -28,6 +28,7 @@ BAUD_RATES |= {115: 115200, 230: 230400, 256: 256000, 460: 460800, 500: 500000, 
 # MAV_n_CONFIG of PX4 gives the port of each MAVLink instance; these are the telemetry ports.
 PX4_INSTANCES = range(3)
 PX4_PORTS = {101.0: "TEL1", 102.0: "TEL2", 103.0: "TEL3", 104.0: "TEL4"}
+RATE_TOLERANCE = 1.02  # A rate may be this much lower than it is asked for.
 ONBOARD = 2.0  # A value of MAV_n_MODE.
 SERIAL_PARAMETERS = {
     Dialect.ARDUPILOT: "SERIALn_PROTOCOL 2 and SERIALn_BAUD",
@@ -130,6 +131,10 @@ SPEEDS = {
     Dialect.ARDUPILOT: ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE"),
     Dialect.PX4: ("FW_AIRSPD_MIN", "FW_AIRSPD_MAX", "FW_AIRSPD_TRIM"),
 }
+RATES = {
+    Dialect.ARDUPILOT: ("TECS_CLMB_MAX", "TECS_SINK_MAX"),
+    Dialect.PX4: ("FW_T_CLMB_R_SP", "FW_T_SINK_R_SP"),
+}
 FAILSAFES = {Dialect.ARDUPILOT: ARDUPLANE_FAILSAFES, Dialect.PX4: PX4_FAILSAFES}
 PARAMETER_CHECKS = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
 # These parameters exist only if the other one enables avoidance.
@@ -138,7 +143,8 @@ ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}
 
 def parameter_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the names of the parameters to read."""
-    return (*(check.name for check in PARAMETER_CHECKS[dialect]), *SPEEDS[dialect], *_serial_names(dialect))
+    checked = (check.name for check in PARAMETER_CHECKS[dialect])
+    return (*checked, *SPEEDS[dialect], *RATES[dialect], *_serial_names(dialect))
 
 
 def _serial_names(dialect: Dialect) -> list[str]:
@@ -183,6 +189,7 @@ def parameter_findings(
         value = values.get(check.name)
         findings.append(_not_reported(check.name) if value is None else check.finding(value))
     findings += _speeds(dialect, values, mission)
+    findings += _rates(dialect, values, mission)
     findings.append(_serial(dialect, values, baud_rate))
     return findings
 
@@ -203,6 +210,26 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
     if not slow <= vehicle.airspeed_cruise_m_s <= fast:
         return [fail("airspeeds", found, f"{advice}: it cannot fly so")]
     return [ok("airspeeds", found)]
+
+
+def _rates(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig | None) -> list[Finding]:
+    """Check that the autopilot climbs and descends as steeply as the mission file allows."""
+    if mission is None or mission.dimension != 3:
+        return []
+    names, vehicle = RATES[dialect], mission.vehicle
+    missing = [name for name in names if name not in values]
+    if missing:
+        return [_not_reported(name) for name in missing]
+    angles = float(vehicle.climb_angle_max_deg), float(vehicle.descent_angle_max_deg)
+    asked = [float(vehicle.airspeed_cruise_m_s) * math.sin(math.radians(angle)) for angle in angles]
+    climb, sink = (values[name] for name in names)
+    found = f"{climb:g} m/s up, {sink:g} m/s down"
+    if climb * RATE_TOLERANCE >= asked[0] and sink * RATE_TOLERANCE >= asked[1]:
+        return [ok("climb rates", found)]
+    advice = (
+        f"set {names[0]} {asked[0]:.1f} and {names[1]} {asked[1]:.1f}, as the mission file's angles ask: "
+    )
+    return [warn("climb rates", found, advice + "otherwise paths are flatter than it allows")]
 
 
 def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None) -> Finding:

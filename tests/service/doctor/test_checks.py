@@ -49,6 +49,36 @@ GOOD_PX4 = {
 }  # fmt: skip
 
 
+IN_SPACE = mission_from_text(FIRST_FLIGHT.replace("dimension: 2", "dimension: 3"), "first-flight.yaml")
+
+
+@pytest.mark.parametrize(
+    ("dialect", "rates", "verdict", "words"),
+    [
+        (Dialect.ARDUPILOT, (5.0, 5.0), OK, "5 m/s up, 5 m/s down"),
+        (Dialect.PX4, (3.0, 2.0), WARN, "set FW_T_CLMB_R_SP 4.3 and FW_T_SINK_R_SP 4.3"),
+        (Dialect.PX4, (4.3, 2.0), WARN, "otherwise paths are flatter"),
+        (Dialect.PX4, (4.3, 4.3), OK, "4.3 m/s up"),
+    ],
+)
+def test_an_autopilot_that_climbs_less_steeply_than_the_file_allows_is_told(dialect, rates, verdict, words):
+    """25 m/s at 10 degrees are 4.34 m/s."""
+    names = ("TECS_CLMB_MAX", "TECS_SINK_MAX") if dialect is Dialect.ARDUPILOT else (
+        "FW_T_CLMB_R_SP", "FW_T_SINK_R_SP"
+    )  # fmt: skip
+    values = dict(zip(names, rates, strict=True))
+    found = {each.check: each for each in parameter_findings(dialect, values, IN_SPACE, None)}["climb rates"]
+    assert found.verdict is verdict
+    assert words in f"{found.found} {found.advice}"
+    assert "climb rates" not in {each.check for each in parameter_findings(dialect, values, MISSION, None)}
+
+
+def test_a_climb_rate_that_is_not_reported_is_told():
+    found = verdicts(parameter_findings(Dialect.PX4, {"FW_T_CLMB_R_SP": 5.0}, IN_SPACE, None))
+    assert found["FW_T_SINK_R_SP"] is WARN
+    assert not {"FW_T_CLMB_R_SP", "climb rates"} & set(found)
+
+
 def verdicts(findings):
     return {finding.check: finding.verdict for finding in findings}
 
