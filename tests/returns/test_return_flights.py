@@ -34,8 +34,8 @@ def test_a_landing_sequence_is_joined_at_its_start_with_the_service_killed():
 
 @pytest.mark.thorough
 def test_from_a_leg_between_two_walls_a_landing_sequence_is_joined_ahead():
-    """With one start, at the end of the way out, the aircraft turned back to it 14 m from a wall."""
-    flight = fly(2, autoland=2, begun_s=64.0)
+    """With one start, at the end of the way out, the aircraft turned back to it and touched a wall."""
+    flight = fly(2, autoland=2, begun_s=76.0)
     assert flight.is_killed
     assert flight.has_path
     assert not is_bad(flight)
