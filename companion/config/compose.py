@@ -212,9 +212,9 @@ def exposure_of(mission: MissionConfig) -> Exposure:
     return Exposure(mission.obstacle_list, bounds_of(mission), model, ground_heights_of(mission))
 
 
-def check_limits_of(mission: MissionConfig) -> CheckLimits:
-    """Return the limits of the independent check."""
-    vehicle = vehicle_of(mission)
+def check_limits_of(mission: MissionConfig, vehicle: VehicleModel | None = None) -> CheckLimits:
+    """Return the limits of the independent check; those of the mission file's aircraft if none is given."""
+    vehicle = vehicle_of(mission) if vehicle is None else vehicle
     return CheckLimits(
         bounds=bounds_of(mission),
         margin_m=0.5 * float(mission.planning.clearance_min_m),

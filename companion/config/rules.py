@@ -133,12 +133,7 @@ def rules_of(
         fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)
     vehicle = vehicle.with_rates(reported.climb_rate_max_m_s, reported.sink_rate_max_m_s)
-    limits = replace(
-        check_limits_of(mission),
-        bank_max_rad=vehicle.bank_max_rad,
-        climb_angle_max_rad=vehicle.climb_angle_max_rad,
-        descent_angle_max_rad=vehicle.descent_angle_max_rad,
-    )
+    limits = check_limits_of(mission, vehicle)
     settings, exposure = planner_settings_of(mission), exposure_of(mission)
     obstacles = (*mission.obstacle_list, *fences)
     # Another package's planner makes ordinary plans only: what is flown where its paths are refused is ours.

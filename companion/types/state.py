@@ -11,6 +11,7 @@ from companion.types.mission import SlopeMin
 STRAIGHT_HOME, LANDING_AT_ONCE, BY_RETURN_PATH = 0.0, 2.0, 4.0
 # Options of ArduPlane's FLIGHT_OPTIONS: climbs of a mission are no slopes, and a return climbs first.
 CLIMBS_AT_ONCE, CLIMBS_FIRST = 1 << 14, 1 << 4
+RETURNS_OVER_GROUND = 1 | 1 << 4  # Bits of ArduPlane's TERRAIN_FOLLOW: all modes, and a return to launch.
 
 # Where a return ends, east, north, up [m], and whether the operator's landing follows there.
 ReturnEnd = tuple[tuple[float, float, float], bool]
@@ -128,7 +129,7 @@ class AutopilotSettings:
     terrain_enable : float or None
         Whether an ArduPlane stores heights of the ground.
     terrain_follow : float or None
-        Modes in which an ArduPlane keeps heights over ground, as bits: 0 all of them, 4 a return to launch.
+        Modes in which an ArduPlane keeps heights over ground, as bits: see :data:`RETURNS_OVER_GROUND`.
     terrain_spacing_m : float or None
         Distance of these heights from each other [m].
     look_ahead_m : float or None
@@ -196,7 +197,7 @@ class AutopilotSettings:
     def returns_over_ground(self) -> bool:
         """Whether an ArduPlane's straight return to launch follows the ground."""
         is_straight = self.return_kind not in (LANDING_AT_ONCE, BY_RETURN_PATH)
-        return is_straight and bool(int(self.terrain_follow or 0.0) & (1 | 1 << 4))
+        return is_straight and bool(int(self.terrain_follow or 0.0) & RETURNS_OVER_GROUND)
 
     @property
     def throttle_max_share(self) -> float:

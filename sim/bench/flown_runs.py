@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from companion.config import MissionConfig
+from companion.config.compose import vehicle_of
 from companion.config.offline_problem import offline_problem, offline_world
 from companion.errors import CompanionError
 from companion.mission.waypoints import waypoints_from_path
@@ -11,7 +12,7 @@ from companion.planning.solver import solve
 from companion.research.campaign.campaign_spec import Run
 from companion.research.campaign.flown_methods import LinkFaultsConfig
 from companion.types.events import Dialect
-from companion.types.mission import ALL_SLOPES, ARDUPLANE_SLOPES
+from companion.world.vehicle.guidance import default_guidance
 from ..faults import FaultKind, FaultyLink, LinkFaults, random_schedule
 from ..simulator import Place
 from ..sitl import Flight
@@ -48,8 +49,8 @@ def route_of(mission: MissionConfig, run: Run, dialect: Dialect) -> tuple[Place,
     if plan.path is None or not plan.reaches_goal:
         raise CompanionError(f"no plan from the start: {plan.status.value}")
     speed = float(mission.vehicle.airspeed_cruise_m_s)
-    slopes = ARDUPLANE_SLOPES if dialect.flies_by else ALL_SLOPES
-    made = waypoints_from_path(plan.path, speed, flies_by=dialect.flies_by, slope_min=slopes)
+    guidance = default_guidance(flies_by=dialect.flies_by, vehicle=vehicle_of(mission))
+    made = waypoints_from_path(plan.path, speed, flies_by=guidance.flies_by, slope_min=guidance.slope_min)
     places = made.positions_enu_m
     return tuple((float(east), float(north), float(up)) for east, north, up in places)
 

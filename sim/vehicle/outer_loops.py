@@ -44,7 +44,8 @@ class LateralGuidance:
         self.bearing_rad = 0.0
         self.cross_track_m = 0.0
 
-    def _distance(self, ground_speed_m_s: float) -> float:
+    def distance_m(self, ground_speed_m_s: float) -> float:
+        """Distance ahead at which the path is steered for, at a speed over the ground."""
         return self.damping * self.period_s * ground_speed_m_s / math.pi
 
     def _acceleration(self, angle_rad: float, speed: float, distance: float) -> float:
@@ -58,7 +59,7 @@ class LateralGuidance:
         With ``beyond`` the leg's line goes on past its end; else an end left behind is turned back to.
         """
         speed = max(estimate.ground_speed_m_s, 3.0)
-        distance = max(self._distance(speed), 1.0)
+        distance = max(self.distance_m(speed), 1.0)
         leg = (end[0] - start[0], end[1] - start[1])
         length = math.hypot(*leg)
         away = (estimate.east_m - start[0], estimate.north_m - start[1])
@@ -81,7 +82,7 @@ class LateralGuidance:
         speed = max(estimate.ground_speed_m_s, 3.0)
         self.bearing_rad = math.atan2(point[0] - estimate.east_m, point[1] - estimate.north_m)
         angle = wrapped_angle(self.bearing_rad - estimate.course_rad)
-        return self._acceleration(angle, speed, max(self._distance(speed), 1.0))
+        return self._acceleration(angle, speed, max(self.distance_m(speed), 1.0))
 
     def circle(self, estimate: Estimate, centre: Point, radius_m: float, direction: int) -> float:
         """Acceleration to the right [m/s²] onto and round a circle; direction 1 is clockwise."""

@@ -382,10 +382,11 @@ def _over(
 ) -> tuple[Candidate, Track | None]:  # fmt: skip
     """A mission whose waypoints are moved until its simulated track follows the part, and that track."""
     tried: list[tuple[Candidate, Track | None]] = []
+    slope_min = guidance_of(state).slope_min
     for spacing in SPACINGS:
         waypoints = waypoints_from_path(
             part, airspeed_m_s, flies_by=state.flies_by, marked_m=marked_m, spacing=spacing,
-            height_tolerance_m=_tolerance_m(state), slope_min=guidance_of(state).slope_min, ground=ground,
+            height_tolerance_m=_tolerance_m(state), slope_min=slope_min, ground=ground,
         )  # fmt: skip
         for _ in range(CORRECTIONS + 1):
             candidate, track = _judged(state, part, waypoints, circle)

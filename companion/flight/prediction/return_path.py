@@ -20,7 +20,7 @@ in frame 0 or 3 ("RTL: unsupported MAV_FRAME", measured). If it has any, its pat
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -164,14 +164,11 @@ def _arduplane_tracks(state: FlightState, ownship: Ownship, end: Place) -> list[
             return joined
     if state.settings.return_kind == LANDING_AT_ONCE and state.tail_enu_m is not None:
         return circling_tracks(state, ownship, state.tail_enu_m, 0.0)
-    climb, tracks = _first_climb(state, ownship, end), list[FloatArray]()
+    climb = _first_climb(state, ownship, end)
     if climb is None:
         return circling_tracks(state, ownship, end, radius)
-    for share in FIRST_CLIMB_SHARES:
-        row = max(round(share * (len(climb) - 1)), 1)
-        onward = circling_tracks(state, climb.aircraft_at(row, ownship), end, radius)
-        tracks += [np.vstack([climb.positions_enu_m[:row], track]) for track in onward]
-    return tracks
+    rows = [max(round(share * (len(climb) - 1)), 1) for share in FIRST_CLIMB_SHARES]
+    return _with_ends(climb, rows, ownship, lambda begun: circling_tracks(state, begun, end, radius))
 
 
 def _first_climb(state: FlightState, ownship: Ownship, end: Place) -> Track | None:
@@ -399,8 +396,20 @@ def _climbed_first(
     first = int(np.argmax(climb.positions_enu_m[:, 2] >= up_m - guidance.height_acceptance_m))
     # The aircraft may climb faster.
     rows = np.linspace(max(first // 2, 1), len(climb) - 1, CLIMB_ENDS).astype(int)
-    tracks = []
-    for row in rows:
-        track = _track_to(guidance, climb.aircraft_at(row, ownship), end, radius_m)
-        tracks.append(np.vstack([climb.positions_enu_m[: row + 1], track.positions_enu_m]))
-    return tracks
+    return _with_ends(
+        climb, rows, ownship, lambda begun: [_track_to(guidance, begun, end, radius_m).positions_enu_m]
+    )
+
+
+def _with_ends(
+    climb: Track, rows: Iterable[int], ownship: Ownship, onward: Callable[[Ownship], list[FloatArray]]
+) -> list[FloatArray]:
+    """Return positions (K, 3) of a climb that may end at any of its rows, and of each flight on from there.
+
+    ``onward`` returns positions (L, 3) of the flights on from an aircraft, whose first is where it is [m].
+    """
+    return [
+        np.vstack([climb.positions_enu_m[:row], track])
+        for row in rows
+        for track in onward(climb.aircraft_at(row, ownship))
+    ]

@@ -56,11 +56,22 @@ class SteeringLaw(Struct):
 
 
 @kernel
+def _wrapped(angle: float) -> float:
+    """Return an angle between -π and π [rad]."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@kernel
+def _l1_distance(speed: float, law: SteeringLaw) -> float:
+    """Distance ahead at which the path is steered for, at a speed over the ground [m]."""
+    return max(law.damping * law.period * speed / math.pi, 1.0)
+
+
+@kernel
 def _pull(angle: float, speed: float, law: SteeringLaw) -> float:
     """Acceleration to the right that turns by an angle to the point at the L1 distance [m/s²]."""
-    turn = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
-    l1 = max(law.damping * law.period * speed / math.pi, 1.0)
-    return 4.0 * law.damping**2 * speed * speed / l1 * math.sin(max(-HALF_PI, min(HALF_PI, turn)))
+    turn = max(-HALF_PI, min(HALF_PI, _wrapped(angle)))
+    return 4.0 * law.damping**2 * speed * speed / _l1_distance(speed, law) * math.sin(turn)
 
 
 @kernel
@@ -74,7 +85,7 @@ def leg_acceleration(
     """
     speed = max(math.sqrt(ve * ve + vn * vn), SLOWEST)
     course = math.atan2(ve, vn)
-    l1 = max(law.damping * law.period * speed / math.pi, 1.0)
+    l1 = _l1_distance(speed, law)
     de, dn = end[0] - begin[0], end[1] - begin[1]
     length = math.sqrt(de * de + dn * dn)
     to_end = math.atan2(end[0] - e, end[1] - n)
@@ -195,35 +206,31 @@ def _climb_ahead(
 
 
 @kernel
-def _turn_at(
-    state: Float1D,
-    begin: Float1D,
-    places: Float2D,
-    target: int,
-    circle: Float1D,
-    law: SteeringLaw,
-    is_new: bool,
-) -> float:
+def _begin_leg(state: Float1D, begin: Float1D, places: Float2D, target: int, law: SteeringLaw) -> None:
+    """Begin the leg to a target of ``places`` (M + 1, 3) at ``begin`` (3,).
+
+    If an ArduPlane at ``state`` (6,) is already abeam the target, the leg begins where it is
+    (``Plane::set_next_WP``): ``begin`` is overwritten then.
+    """
+    if law.waits_for_turns and target < len(places) and _share(state, begin, places[target]) >= 1.0:
+        begin[:] = state[:3]
+
+
+@kernel
+def _turn_at(begin: Float1D, places: Float2D, target: int, circle: Float1D, law: SteeringLaw) -> float:
     """Return the turn at a target, as a share of a right angle and at most 1.
 
-    ``state`` (6,) is the aircraft. The leg begins at ``begin`` (3,), or, if it is new and an ArduPlane is
-    already abeam its target, where that is (``Plane::set_next_WP``): ``begin`` is overwritten then.
-    ``places`` (M + 1, 3) has the target and what follows; behind the last of them comes ``circle`` (4,), if
-    it has a radius.
+    The leg to it begins at ``begin`` (3,). ``places`` (M + 1, 3) has the target and what follows; behind the
+    last of them comes ``circle`` (4,), if it has a radius.
     """
     last = len(places) - 1
-    if not law.waits_for_turns or target > last:
-        return 1.0
-    if is_new and _share(state, begin, places[target]) >= 1.0:
-        begin[:] = state[:3]
-    if target == last and circle[3] == 0.0:
+    if not law.waits_for_turns or target > last or (target == last and circle[3] == 0.0):
         return 1.0
     e, n = places[target, 0], places[target, 1]
     after_e = places[target + 1, 0] if target < last else circle[0]
     after_n = places[target + 1, 1] if target < last else circle[1]
     turn = math.atan2(after_e - e, after_n - n) - math.atan2(e - begin[0], n - begin[1])
-    turn -= 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
-    return min(1.0, abs(turn) / HALF_PI)
+    return min(1.0, abs(_wrapped(turn)) / HALF_PI)
 
 
 @kernel
@@ -236,7 +243,7 @@ def _is_reached(
     away = math.sqrt((end[0] - state[0]) ** 2 + (end[1] - state[1]) ** 2)
     acceptance = law.acceptance
     if law.waits_for_turns:  # ``AP_L1_Control::turn_distance``
-        acceptance = turn_share * min(acceptance, law.damping * law.period * speed / math.pi)
+        acceptance = turn_share * min(acceptance, _l1_distance(speed, law))
     return share >= 1.0 or away <= acceptance
 
 
@@ -255,7 +262,7 @@ def fly_targets(
     target, begin, end = 1, local_floats(3), local_floats(3)
     begin[:] = places[0]
     last = len(places) - 1
-    turn_share = _turn_at(state, begin, places, target, circle, law, False)
+    turn_share = _turn_at(begin, places, target, circle, law)
     climbed, ahead = 0.0, 0.0
     for row in range(len(rows)):
         ve = state[5] * math.sin(state[3]) + wind[0]
@@ -276,7 +283,8 @@ def fly_targets(
                     if target < last or circle[3] != 0.0:
                         begin[:] = places[target]
                     target += 1
-                    turn_share = _turn_at(state, begin, places, target, circle, law, True)
+                    _begin_leg(state, begin, places, target, law)
+                    turn_share = _turn_at(begin, places, target, circle, law)
             if target > last and circle[3] != 0.0:
                 wanted = circle[2]
                 pull = circle_acceleration(state[0], state[1], ve, vn, circle, law)

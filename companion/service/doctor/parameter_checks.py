@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from companion.config import MissionConfig
+from companion.flight.takeover.capability import TOLERANCE
 from companion.link.wire.decoded_frame import AutopilotVersion
 from companion.mission.waypoints import FLY_BY_M
 from companion.service.doctor.failsafe_checks import ARDUPLANE_FAILSAFES, PX4_FAILSAFES
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
-from companion.types.state import BY_RETURN_PATH, LANDING_AT_ONCE
+from companion.types.state import BY_RETURN_PATH, LANDING_AT_ONCE, RETURNS_OVER_GROUND
 
 MEASURED = {Dialect.ARDUPILOT: (4, 7), Dialect.PX4: (1, 17)}
 NAMES = {Dialect.ARDUPILOT: "ArduPilot", Dialect.PX4: "PX4"}
@@ -28,7 +29,6 @@ BAUD_RATES |= {115: 115200, 230: 230400, 256: 256000, 460: 460800, 500: 500000, 
 # MAV_n_CONFIG of PX4 gives the port of each MAVLink instance; these are the telemetry ports.
 PX4_INSTANCES = range(3)
 PX4_PORTS = {101.0: "TEL1", 102.0: "TEL2", 103.0: "TEL3", 104.0: "TEL4"}
-RATE_TOLERANCE = 1.02  # A rate may be this much lower than it is asked for.
 ONBOARD = 2.0  # A value of MAV_n_MODE.
 SERIAL_PARAMETERS = {
     Dialect.ARDUPILOT: "SERIALn_PROTOCOL 2 and SERIALn_BAUD",
@@ -89,7 +89,7 @@ ARDUPLANE = (
     ),
     ParameterCheck(
         "TERRAIN_FOLLOW",
-        lambda v: not int(v) & (1 | 1 << 4),
+        lambda v: not int(v) & RETURNS_OVER_GROUND,
         "set 0: a straight return to launch would follow the ground, which is not foreseen",
     ),
     ParameterCheck(
@@ -224,7 +224,7 @@ def _rates(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig
     asked = [float(vehicle.airspeed_cruise_m_s) * math.sin(math.radians(angle)) for angle in angles]
     climb, sink = (values[name] for name in names)
     found = f"{climb:g} m/s up, {sink:g} m/s down"
-    if climb * RATE_TOLERANCE >= asked[0] and sink * RATE_TOLERANCE >= asked[1]:
+    if climb * TOLERANCE >= asked[0] and sink * TOLERANCE >= asked[1]:
         return [ok("climb rates", found)]
     advice = (
         f"set {names[0]} {asked[0]:.1f} and {names[1]} {asked[1]:.1f}, as the mission file's angles ask: "

@@ -72,8 +72,8 @@ class Guidance:
     slope_min : SlopeMin
         A smaller change of height is made at once instead of along the leg.
     circle_stretch : float
-        Ratio of flown to commanded circle radius: ArduPlane widens circles by the square of true over
-        equivalent airspeed (``AP_L1_Control::loiter_radius``).
+        Ratio of flown to commanded circle radius: ArduPlane widens circles, and WP_RADIUS, by the square of
+        true over equivalent airspeed (``AP_L1_Control::loiter_radius``, ``turn_distance``).
     airspeed_m_s : float
         True airspeed commanded after the first target; 0 keeps the present airspeed [m/s].
     acceleration_m_s2 : float
@@ -115,7 +115,7 @@ class Guidance:
             bank_max=self.bank_max_rad,
             roll_rate_max=self.roll_rate_max_rad_s,
             roll_time=self.roll_time_s,
-            acceptance=self.acceptance_radius_m * (self.circle_stretch if self.flies_by else 1.0),
+            acceptance=self.circle_stretch * self.acceptance_radius_m,
             height_acceptance=self.height_acceptance_m,
             waits_for_turns=self.flies_by,
             climb_rate_max=self.climb_rate_max_m_s,

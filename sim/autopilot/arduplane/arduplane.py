@@ -372,8 +372,7 @@ class ArduPlane(MissionPilot):
 
     def _turn_distance_m(self) -> float:
         """Distance before a waypoint at which it counts as reached: less where the turn is less."""
-        damping, period = self.parameters["NAVL1_DAMPING"], self.parameters["NAVL1_PERIOD"]
-        ahead_m = damping * period * self.flight.estimate.ground_speed_m_s / math.pi
+        ahead_m = self.flight.lateral.distance_m(self.flight.estimate.ground_speed_m_s)
         distance_m = min(self._circled_radius(self.parameters["WP_RADIUS"]), ahead_m)
         return distance_m * min(self._turn_rad / (0.5 * math.pi), 1.0)
 

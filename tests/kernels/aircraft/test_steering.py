@@ -101,21 +101,21 @@ def test_without_a_circle_the_last_leg_goes_on():
 
 
 @pytest.mark.parametrize(
-    ("turn_deg", "acceptance", "period", "before_m"),
+    ("turn_deg", "acceptance", "before_m"),
     [
-        (90.0, 50.0, 17.0, 50.0),
-        (120.0, 50.0, 17.0, 50.0),
-        (-45.0, 50.0, 17.0, 25.0),
-        (30.0, 60.0, 17.0, 20.0),
-        (0.0, 50.0, 17.0, 0.0),
-        (45.0, 200.0, 17.0, 50.7),  # at most the L1 distance, 0.75 * 17 * 25 / pi = 101.5 m
+        (90.0, 50.0, 50.0),
+        (120.0, 50.0, 50.0),
+        (-45.0, 50.0, 25.0),
+        (30.0, 60.0, 20.0),
+        (0.0, 50.0, 0.0),
+        (45.0, 200.0, 50.7),  # at most the L1 distance, 0.75 * 17 * 25 / pi = 101.5 m
     ],
 )
-def test_an_arduplane_waits_with_a_turn_the_longer_the_lesser_it_is(turn_deg, acceptance, period, before_m):
+def test_an_arduplane_waits_with_a_turn_the_longer_the_lesser_it_is(turn_deg, acceptance, before_m):
     """``AP_L1_Control::turn_distance``: the distance of a right angle, in proportion to the turn."""
     turn = math.radians(turn_deg)
     after = (900.0 * math.sin(turn), 500.0 + 900.0 * math.cos(turn), 100.0)
-    law = LAW._replace(waits_for_turns=True, acceptance=acceptance, period=period)
+    law = LAW._replace(waits_for_turns=True, acceptance=acceptance)
     rows = np.empty((500, 7))
     places = np.array([[0.0, 0.0, 100.0], [0.0, 500.0, 100.0], after])
     fly_targets(start(), (0.0, 0.0), places, np.zeros(4), law, NO_FOLLOWED_GROUND, 1, rows)
