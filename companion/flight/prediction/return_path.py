@@ -179,7 +179,8 @@ def _first_climb(state: FlightState, ownship: Ownship, end: Place) -> Track | No
     if until_m <= up_m:
         return None
     usual = guidance_of(state)
-    bank = math.radians(max(settings.level_bank_deg or LEVEL_ROLL_LIMIT_DEG, LEVEL_BANK_MIN_DEG))
+    limit_deg = LEVEL_ROLL_LIMIT_DEG if settings.level_bank_deg is None else settings.level_bank_deg
+    bank = math.radians(max(limit_deg, LEVEL_BANK_MIN_DEG))
     high = np.array([*end[:2], max(up_m, end[2]) + climb_m + FIRST_CLIMB_MORE_M])
     climb_s = (until_m - up_m) / usual.climb_rate_max_m_s + JOINED_S
     track = track_of_circle(replace(usual, bank_max_rad=bank), ownship, high, 0.0, climb_s, STEP_S)

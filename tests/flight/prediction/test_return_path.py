@@ -187,6 +187,16 @@ def test_an_arduplane_may_climb_before_it_turns(changes, from_m, climbed_m):
     assert turned > len(before)
 
 
+@pytest.mark.parametrize(("level_bank_deg", "bank_deg"), [(None, 5.0), (12.0, 12.0), (0.0, 1.0)])
+def test_the_bank_of_the_first_climb_is_the_autopilots(level_bank_deg, bank_deg):
+    """At 25 m/s; a limit of 0 is simulated with 1 degree."""
+    settings = replace(ARDUPLANE, return_climb_m=60.0, level_bank_deg=level_bank_deg)
+    track = way_of(made(settings), state(east=3000.0, up=100.0, course=0.5 * np.pi))
+    steps = np.diff(track[6:24, :2], axis=0)
+    turned = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 0], steps[:, 1])))) / 0.5
+    assert np.median(turned) == pytest.approx(9.80665 * np.tan(np.radians(bank_deg)) / 25.0, rel=0.02)
+
+
 def test_an_arduplane_that_climbs_first_may_hit_what_it_would_else_turn_away_from():
     wall = "obstacles:\n" + BLOCK.format("barn", 3150, -40, 3250, 40)
     here = state(east=3000.0, up=100.0, course=0.5 * np.pi)
