@@ -83,6 +83,18 @@ def rows_at_goals(states: FloatArray, goals: Sequence[GoalRegion]) -> list[int]:
     return rows
 
 
+def goals_on_the_way(goals: Sequence[GoalRegion]) -> FloatArray:
+    """Return all goals but the last, in order.
+
+    Returns
+    -------
+    ndarray, shape (G, 4)
+        East, north, up and radius [m].
+    """
+    rows = [[*goal.position_enu_m, goal.acceptance_radius_m] for goal in goals[:-1]]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+
 def initial_covariances(vehicle: VehicleModel, horizontal_std_m: float, vertical_std_m: float) -> FloatArray:
     """Diagonal P of a start whose position accuracy is known; Λ starts at zero.
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from companion.frames import FloatArray
 from companion.kernels.arrays import Branches, Scene, empty_branches
 from companion.kernels.printed.branches import enter_below
 from companion.kernels.printed.rrt_star import STAR_DRAWS, rrt_star
 from companion.kernels.search.growth import grow
-from companion.kernels.search.path_edit import air_time
+from companion.kernels.search.path_edit import air_time, fill_short_cut
+from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
-from companion.planning.least_objective.short_cuts import drawn_stretch, room_for, short_cut
-from companion.planning.problem import GoalRegion
+from companion.planning.problem import goals_on_the_way
 from companion.planning.route import (
+    SPARE_ROWS,
     Assessment,
     Route,
     assess_route,
@@ -112,18 +112,6 @@ def _with_last_edge(exploration: Exploration, scene: Scene, route: Route, end: i
     return node
 
 
-def goals_on_the_way(goals: Sequence[GoalRegion]) -> FloatArray:
-    """Return all goals but the last, in order.
-
-    Returns
-    -------
-    ndarray, shape (G, 4)
-        East, north, up and radius [m].
-    """
-    rows = [[*goal.position_enu_m, goal.acceptance_radius_m] for goal in goals[:-1]]
-    return np.array(rows, dtype=np.float64).reshape(-1, 4)
-
-
 def branches_below(exploration: Exploration, root: int) -> Branches:
     """Return the tree's links; only nodes below ``root`` are searched from now on."""
     tree = exploration.tree
@@ -151,17 +139,16 @@ def smoothed_route(
         How many short cuts were kept.
     """
     problem, settings = exploration.problem, exploration.problem.settings
-    kept, weight, out = 0, settings.weight_collision, room_for(route)
+    kept, weight, out = 0, settings.weight_collision, empty_rows(len(route) + SPARE_ROWS)
+    obstacles = problem.snapshot.obstacles
     spare = RISK_SPARE if weight > 0.0 else math.inf
     for iteration in range(settings.smooth_iterations):
         if len(route) < 4 or should_stop():
             break
-        i, j = drawn_stretch(exploration.rng, len(route), 1.0 - iteration / settings.smooth_iterations)
-        cut = short_cut(exploration, route, i, j, out)
-        if cut is None:
-            continue
-        shorter, at = cut
-        if not visits_goals(shorter.states, problem.goals):
+        i, j = _drawn_stretch(exploration.rng, len(route), 1.0 - iteration / settings.smooth_iterations)
+        num, at = fill_short_cut(route.rows, len(route), i, j, exploration.limits, obstacles, out)
+        shorter = Route(out.states[:num], out.times[:num], out.rates[:num])
+        if num == 0 or not visits_goals(shorter.states, problem.goals):
             continue
         gain = cost_between(exploration, route, i + 1, j + 1) - cost_between(
             exploration, shorter, i + 1, at + 1
@@ -172,11 +159,18 @@ def smoothed_route(
         more = laid.log_risk(i + 1, at) - known.log_risk(i + 1, j)
         if more <= spare and gain - weight * more > 1e-9:
             spare = min(spare, spare - more)
-            route = Route.of(out, len(shorter))
-            out = room_for(route)
+            route = Route.of(out, num)
+            out = empty_rows(num + SPARE_ROWS)
             known = assess_route(exploration, route, laid, at + 1)
             kept += 1
     return route, known, kept
+
+
+def _drawn_stretch(rng: np.random.Generator, num_rows: int, share: float) -> tuple[int, int]:
+    """First and last row of a random stretch of a route, which is as long as a share of it at most."""
+    widest = max(4, int(num_rows * share))
+    first = int(rng.integers(0, num_rows - 3))
+    return first, min(num_rows - 1, first + 3 + int(rng.integers(0, widest)))
 
 
 def is_no_worse(exploration: Exploration, known: Assessment, log_risk: float) -> bool:
