@@ -125,10 +125,7 @@ def rules_of(
         Settings of the autopilot, whose limits of bank, airspeed, climb and descent the rules never exceed.
     """
     vehicle, reported = vehicle_of(mission), reported or AutopilotSettings()
-    if reported.bank_max_deg:
-        vehicle = replace(
-            vehicle, bank_max_rad=min(vehicle.bank_max_rad, math.radians(reported.bank_max_deg))
-        )
+    vehicle = vehicle.with_bank(reported.bank_limit_rad(vehicle.airspeed_cruise_m_s))
     if reported.airspeed_max_m_s:
         fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)

@@ -112,6 +112,7 @@ _PARAMETER_NAMES = {
         "height_offset_m": "ALT_OFFSET",
         "slope_min_m": "ALT_SLOPE_MIN",
         "flight_options": "FLIGHT_OPTIONS",
+        "stall_prevention": "STALL_PREVENTION",
         "airspeed_min_m_s": "AIRSPEED_MIN",
         "airspeed_max_m_s": "AIRSPEED_MAX",
         "airspeed_cruise_m_s": "AIRSPEED_CRUISE",

@@ -11,6 +11,9 @@ from companion.types.mission import SlopeMin
 STRAIGHT_HOME, LANDING_AT_ONCE, BY_RETURN_PATH = 0.0, 2.0, 4.0
 # Options of ArduPlane's FLIGHT_OPTIONS: climbs of a mission are no slopes, and a return climbs first.
 CLIMBS_AT_ONCE, CLIMBS_FIRST = 1 << 14, 1 << 4
+BANK_MOST_DEG = 80.0  # A larger limit of the bank is a misreading.
+BANK_LEAST_DEG = 25.0  # ArduPlane banks this far at any airspeed.
+AIRSPEED_IN_TURNS = 0.98  # Real ArduPlanes were that much slower in turns than they wanted to be.
 RETURNS_OVER_GROUND = 1 | 1 << 4  # Bits of ArduPlane's TERRAIN_FOLLOW: all modes, and a return to launch.
 
 # Where a return ends, east, north, up [m], and whether the operator's landing follows there.
@@ -86,6 +89,8 @@ class AutopilotSettings:
         Damping of the lateral guidance.
     bank_max_deg : float or None
         Largest bank [deg].
+    stall_prevention : float or None
+        Whether an ArduPlane banks less where it flies little faster than AIRSPEED_MIN.
     loiter_radius_m : float or None
         Default radius of circles, negative anticlockwise [m].
     height_offset_m : float or None
@@ -142,6 +147,7 @@ class AutopilotSettings:
     guidance_period_s: float | None = None
     guidance_damping: float | None = None
     bank_max_deg: float | None = None
+    stall_prevention: float | None = None
     loiter_radius_m: float | None = None
     height_offset_m: float | None = None
     slope_min_m: float | None = None
@@ -182,6 +188,23 @@ class AutopilotSettings:
     def has_option(self, option: int) -> bool:
         """Return whether an option of ArduPlane's FLIGHT_OPTIONS is set; it is given as a bit."""
         return bool(int(self.flight_options or 0.0) & option)
+
+    def bank_limit_rad(self, airspeed_m_s: float) -> float:
+        """Return the largest bank at an airspeed [rad]; infinite if it is not known.
+
+        With STALL_PREVENTION an ArduPlane banks so far that AIRSPEED_MIN, times the root of the load factor,
+        is no faster than it flies, and up to 25° in any case (``Plane::apply_load_factor_roll_limits``).
+
+        Parameters
+        ----------
+        airspeed_m_s : float
+            Equivalent airspeed [m/s].
+        """
+        bank_rad = math.radians(min(self.bank_max_deg, BANK_MOST_DEG)) if self.bank_max_deg else math.inf
+        if not self.stall_prevention or not self.airspeed_min_m_s:
+            return bank_rad
+        level = min(1.0, (self.airspeed_min_m_s / (AIRSPEED_IN_TURNS * airspeed_m_s)) ** 2)
+        return min(bank_rad, max(math.radians(BANK_LEAST_DEG), math.acos(level)))
 
     @property
     def climb_rate_max_m_s(self) -> float:

@@ -54,6 +54,7 @@ _ARDUPLANE: dict[str, tuple[float, int]] = {
     "SERIAL1_PROTOCOL": (2, _INT8),
     "SERIAL2_BAUD": (921, _INT16),
     "SERIAL2_PROTOCOL": (2, _INT8),
+    "STALL_PREVENTION": (1, _INT8),
     "SYSID_THISMAV": (1, _INT16),
     "TECS_CLMB_MAX": (7, _REAL),
     "TECS_SINK_MAX": (7, _REAL),
@@ -164,6 +165,11 @@ class Parameters:
         climb, sink = self["TECS_CLMB_MAX"], self["TECS_SINK_MAX"]
         wanted = self._values.get("FW_T_CLMB_R_SP", climb), self._values.get("FW_T_SINK_R_SP", sink)
         return min(climb, wanted[0]), min(sink, wanted[1])
+
+    @property
+    def stall_prevention_m_s(self) -> float:
+        """Airspeed at which an ArduPlane could just fly level, for its stall prevention; 0 without that."""
+        return self._values["AIRSPEED_MIN"] if self._values.get("STALL_PREVENTION") else 0.0
 
     def __len__(self) -> int:
         return len(self._names)

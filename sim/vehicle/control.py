@@ -21,6 +21,7 @@ _LOAD_MARGIN = 0.8
 _RPM_FULL = 7_000.0  # Speed of the motor at full throttle.
 _LANDING_M = 15.0  # Below this height over a landing, pitch is more and more for the height.
 _BANK_LIMIT_MIN = math.radians(15.0)
+_PREVENTED_BANK_MIN = math.radians(25.0)  # ArduPlane's stall prevention allows this much at any airspeed.
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,10 +281,14 @@ class Flight:
         return 1.0 if left > 0.0 else 0.0
 
     def _bank_limit(self, estimate: Estimate) -> float:
-        """Bank whose load factor stays clear of the stall at this airspeed [rad]."""
+        """Bank whose load factor stays clear of the stall, and of what stall prevention keeps [rad]."""
         load = _LOAD_MARGIN * (estimate.airspeed_m_s / self._airframe.stall_speed_m_s) ** 2
         limit = math.radians(self._parameters["ROLL_LIMIT_DEG"])
-        return min(limit, max(_BANK_LIMIT_MIN, math.acos(min(1.0, 1.0 / max(load, 1.0)))))
+        limit = min(limit, max(_BANK_LIMIT_MIN, math.acos(min(1.0, 1.0 / max(load, 1.0)))))
+        if not (slowest_m_s := self._parameters.stall_prevention_m_s):
+            return limit
+        level = min(1.0, (slowest_m_s / max(estimate.airspeed_m_s, 1.0)) ** 2)
+        return min(limit, max(_PREVENTED_BANK_MIN, math.acos(level)))
 
 
 def progress_on(leg: Leg, position: Point) -> float:

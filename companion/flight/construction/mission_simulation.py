@@ -27,7 +27,6 @@ from companion.world.vehicle.vehicle_model import VehicleModel
 
 TERRAIN_SPACING_M, TERRAIN_LOOKAHD_M = 100.0, 2_000.0  # ArduPlane's defaults.
 LOOK_AHEAD_SHARE = 0.5  # ArduPlane looks ahead for ground that rises faster than at this share of its climb.
-BANK_MAX_DEG = 80.0  # A larger limit of the bank is a misreading.
 LAP_PLACES = 13  # Places on a circle at which the threat level is looked up.
 SLOWEST_M_S = 3.0  # The ground speed by which a lap is timed is at least this.
 AT_ONCE_M_S2 = 100.0  # Any change of airspeed is over within a quarter of a second.
@@ -98,18 +97,14 @@ def guidance_of(state: FlightState) -> Guidance:
     """Return the autopilot's guidance, by its own parameters as far as they were read."""
     usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
     settings = state.settings
-    bank = (
-        usual.bank_max_rad
-        if not settings.bank_max_deg
-        else math.radians(min(settings.bank_max_deg, BANK_MAX_DEG))
-    )
+    bank = settings.bank_limit_rad(state.rules.vehicle.airspeed_cruise_m_s)
     return replace(
         usual,
         acceptance_radius_m=settings.acceptance_radius_m or usual.acceptance_radius_m,
         height_acceptance_m=settings.height_acceptance_m or usual.height_acceptance_m,
         l1_period_s=settings.guidance_period_s or usual.l1_period_s,
         l1_damping=settings.guidance_damping or usual.l1_damping,
-        bank_max_rad=bank,
+        bank_max_rad=bank if math.isfinite(bank) else usual.bank_max_rad,
         loiter_radius_m=settings.loiter_radius_m or usual.loiter_radius_m,
         slope_min=settings.slope_min or usual.slope_min,
         circle_stretch=circle_stretch(state),

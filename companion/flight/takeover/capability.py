@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from companion.config import MissionConfig
+from companion.config.compose import vehicle_of
 from companion.config.sections.terrain_map import ground_heights_of
 from companion.types.state import AutopilotSettings
 
-GRAVITY_M_S2 = 9.80665
 FENCE_HEIGHT, FENCE_CIRCLE = 1, 2  # Bits of ArduPlane's FENCE_TYPE.
 TOLERANCE = 1.02  # Relative tolerance, because some parameters are whole numbers.
 
@@ -44,10 +44,10 @@ def shortfalls(
         found.append(f"cruise {cruise:g} m/s, autopilot at least {settings.airspeed_min_m_s:g}")
     if settings.airspeed_max_m_s and cruise > settings.airspeed_max_m_s * TOLERANCE:
         found.append(f"cruise {cruise:g} m/s, autopilot at most {settings.airspeed_max_m_s:g}")
-    if settings.bank_max_deg and settings.bank_max_deg < 90.0:
-        tightest = cruise**2 / (GRAVITY_M_S2 * math.tan(math.radians(settings.bank_max_deg)))
-        if float(vehicle.turn_radius_min_m) * TOLERANCE < tightest:
-            found.append(f"turn radius {vehicle.turn_radius_min_m:g} m, autopilot {tightest:.0f}")
+    widened = vehicle_of(mission).with_bank(settings.bank_limit_rad(cruise))
+    horizon_m = float(mission.planning.sensing_horizon_m)
+    if 2.0 * widened.turn_radius_min_m >= horizon_m:
+        found.append(f"turn radius {widened.turn_radius_min_m:.0f} m, sensing horizon {horizon_m:g}")
     if settings.height_offset_m:
         found.append(f"ALT_OFFSET {settings.height_offset_m:g}: must be 0")
     if settings.passing_max_m:

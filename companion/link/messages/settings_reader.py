@@ -11,7 +11,7 @@ from companion.types.events import Dialect
 from companion.types.mavlink_enums import MessageId
 from companion.types.state import BY_RETURN_PATH, STRAIGHT_HOME, AutopilotSettings
 
-ASKED_AT_ONCE = 32  # All of an autopilot; one whose buffer is smaller is asked again for the rest.
+ASKED_AT_ONCE = 33  # All of an autopilot; one whose buffer is smaller is asked again for the rest.
 TRIES = 5  # An autopilot of another version may not have the parameter.
 AGAIN_CALLS = 5  # Once all parameters are known, every fifth call of `due` requests one again.
 

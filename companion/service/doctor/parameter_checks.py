@@ -16,7 +16,13 @@ from companion.mission.waypoints import FLY_BY_M
 from companion.service.doctor.failsafe_checks import ARDUPLANE_FAILSAFES, PX4_FAILSAFES
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
-from companion.types.state import BY_RETURN_PATH, LANDING_AT_ONCE, RETURNS_OVER_GROUND
+from companion.types.state import (
+    AIRSPEED_IN_TURNS,
+    BY_RETURN_PATH,
+    LANDING_AT_ONCE,
+    RETURNS_OVER_GROUND,
+    AutopilotSettings,
+)
 
 MEASURED = {Dialect.ARDUPILOT: (4, 7), Dialect.PX4: (1, 17)}
 NAMES = {Dialect.ARDUPILOT: "ArduPilot", Dialect.PX4: "PX4"}
@@ -135,6 +141,10 @@ RATES = {
     Dialect.ARDUPILOT: ("TECS_CLMB_MAX", "TECS_SINK_MAX"),
     Dialect.PX4: ("FW_T_CLMB_R_SP", "FW_T_SINK_R_SP"),
 }
+BANKS = {
+    Dialect.ARDUPILOT: ("ROLL_LIMIT_DEG", "AIRSPEED_MIN", "STALL_PREVENTION"),
+    Dialect.PX4: ("FW_R_LIM",),
+}
 FAILSAFES = {Dialect.ARDUPILOT: ARDUPLANE_FAILSAFES, Dialect.PX4: PX4_FAILSAFES}
 PARAMETER_CHECKS = {Dialect.ARDUPILOT: ARDUPLANE, Dialect.PX4: PX4}
 # These parameters exist only if the other one enables avoidance.
@@ -144,7 +154,7 @@ ONLY_WITH = {"AVD_F_ACTION": "AVD_ENABLE", "AVD_W_ACTION": "AVD_ENABLE"}
 def parameter_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the names of the parameters to read."""
     checked = (check.name for check in PARAMETER_CHECKS[dialect])
-    return (*checked, *SPEEDS[dialect], *RATES[dialect], *_serial_names(dialect))
+    return (*checked, *SPEEDS[dialect], *RATES[dialect], *BANKS[dialect], *_serial_names(dialect))
 
 
 def _serial_names(dialect: Dialect) -> list[str]:
@@ -190,6 +200,7 @@ def parameter_findings(
         findings.append(_not_reported(check.name) if value is None else check.finding(value))
     findings += _speeds(dialect, values, mission)
     findings += _rates(dialect, values, mission)
+    findings += _banks(dialect, values, mission)
     findings.append(_serial(dialect, values, baud_rate))
     return findings
 
@@ -230,6 +241,28 @@ def _rates(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig
         f"set {names[0]} {asked[0]:.1f} and {names[1]} {asked[1]:.1f}, as the mission file's angles ask: "
     )
     return [warn("climb rates", found, advice + "otherwise paths are flatter than it allows")]
+
+
+def _banks(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig | None) -> list[Finding]:
+    """Check that the autopilot banks as far as the mission file allows."""
+    if mission is None:
+        return []
+    missing = [name for name in BANKS[dialect] if name not in values]
+    if missing:
+        return [_not_reported(name) for name in missing]
+    cruise, asked = float(mission.vehicle.airspeed_cruise_m_s), float(mission.vehicle.bank_max_deg)
+    limit, *others = (values[name] for name in BANKS[dialect])
+    slowest, prevention = others or (None, None)
+    told = AutopilotSettings(bank_max_deg=limit, airspeed_min_m_s=slowest, stall_prevention=prevention)
+    bank = math.degrees(told.bank_limit_rad(cruise))
+    found = f"{bank:.0f}° at {cruise:g} m/s"
+    if bank * TOLERANCE >= asked:
+        return [ok("bank", found)]
+    advice = f"set {BANKS[dialect][0]} {asked:g}"
+    if limit * TOLERANCE >= asked:
+        enough = AIRSPEED_IN_TURNS * cruise * math.sqrt(math.cos(math.radians(asked)))
+        advice = f"set AIRSPEED_MIN {math.floor(enough)} or less, if the aircraft flies safely with it"
+    return [warn("bank", found, f"{advice}: otherwise turns are wider than the mission file allows")]
 
 
 def _serial(dialect: Dialect, values: Mapping[str, float], baud_rate: int | None) -> Finding:

@@ -1,6 +1,7 @@
 """What a mission file asks for against what the autopilot's parameters allow, by numbers worked by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,9 +31,9 @@ IN_SPACE = mission_from_text(PLAIN.replace("dimension: 2", "dimension: 3"), "pla
         ({"passing_max_m": 30.0}, ("WP_MAX_RADIUS 30: must be 0",)),
         ({"airspeed_max_m_s": 22.0}, ("cruise 25 m/s, autopilot at most 22",)),
         ({"airspeed_min_m_s": 28.0}, ("cruise 25 m/s, autopilot at least 28",)),
-        # 625 / (9.80665 * tan 20 deg) = 175.1 m; at 27 deg 125.1 m, which is 125
-        ({"bank_max_deg": 20.0}, ("turn radius 125 m, autopilot 175",)),
-        ({"bank_max_deg": 27.0}, ()),
+        # 625 / (9.80665 * tan 8 deg) = 453.5 m; half the sensing horizon are 412.5 m.
+        ({"bank_max_deg": 8.0}, ("turn radius 453 m, sensing horizon 825",)),
+        ({"bank_max_deg": 9.0}, ()),
         ({"fence_height_m": 90.0, "fence_enable": 1.0, "fence_types": 7.0}, ("goal 1 at 100 m, fence 90",)),
         ({"fence_height_m": 90.0, "fence_enable": 0.0}, ()),
         ({"fence_height_m": 90.0, "fence_enable": 1.0, "fence_types": 2.0}, ()),
@@ -74,6 +75,28 @@ def test_plans_climb_and_descend_no_faster_than_the_autopilot(told, climb_deg, d
     assert math.degrees(fast.climb_angle_max_rad) == pytest.approx(fast_climb_deg, abs=0.001)
 
 
+@pytest.mark.parametrize(
+    ("told", "bank_deg", "radius_m"),
+    [
+        ({}, 40.0, 125.0),
+        ({"bank_max_deg": 30.0}, 30.0, 125.0),
+        ({"bank_max_deg": 20.0}, 20.0, 175.1),  # 625 / (9.80665 * tan 20 deg)
+        # cos = (22 / 24.5)^2, 2 % less than the 25 m/s of cruise
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 1.0}, 36.26, 125.0),
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 0.0}, 40.0, 125.0),
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0}, 40.0, 125.0),
+        # 16 degrees by that rule; 25 in any case
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 24.0, "stall_prevention": 1.0}, 25.0, 136.7),
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 26.0, "stall_prevention": 1.0}, 25.0, 136.7),
+    ],
+)
+def test_plans_turn_no_tighter_than_the_autopilot(told, bank_deg, radius_m):
+    rules = rules_of(IN_SPACE, reported=AutopilotSettings(**told))
+    for limits in (rules.vehicle, rules.checker.limits):
+        assert math.degrees(limits.bank_max_rad) == pytest.approx(bank_deg, abs=0.01)
+        assert limits.turn_radius_min_m == pytest.approx(radius_m, abs=0.1)
+
+
 def test_what_was_told_is_what_tracks_are_foreseen_by():
     told = AutopilotSettings(
         acceptance_radius_m=30.0, guidance_period_s=22.0, guidance_damping=0.8, bank_max_deg=35.0,
@@ -85,6 +108,10 @@ def test_what_was_told_is_what_tracks_are_foreseen_by():
     assert guidance.height_acceptance_m == 7.0
     assert guidance.sink_rate_max_m_s == pytest.approx(3.0)
     assert guidance.bank_max_rad == pytest.approx(math.radians(35.0))
+    slow = after_settings_reported(
+        first_state(MISSION, 0.0), replace(told, stall_prevention=1.0, airspeed_min_m_s=23.0)
+    )
+    assert math.degrees(guidance_of(slow).bank_max_rad) == pytest.approx(28.20, abs=0.01)
     untold = guidance_of(first_state(MISSION, 0.0))
     assert untold.acceptance_radius_m == 50.0
 
@@ -98,8 +125,8 @@ def limited(stamp_s, degrees):
 
 @BOTH
 def test_a_mission_beyond_the_aircraft_is_refused_on_the_ground_and_not_taken_over(dialect):
-    harness = day(dialect, 60.0, limited(0.0, 20.0), uploaded(8.0), off(14.0))
-    assert "turn radius 125 m, autopilot 175" in harness.texts("fault")
+    harness = day(dialect, 60.0, limited(0.0, 8.0), uploaded(8.0), off(14.0))
+    assert "turn radius 453 m, sensing horizon 825" in harness.texts("fault")
     told = [entry.stamp_s for entry in harness.recorder.decisions if entry.kind == "fault"]
     assert max(told) < 14.0
     assert harness.app.num_swaps == 0
@@ -109,8 +136,8 @@ def test_a_mission_beyond_the_aircraft_is_refused_on_the_ground_and_not_taken_ov
 @BOTH
 def test_once_the_parameter_is_set_right_it_is_flown(dialect):
     """Parameters are asked for again and again: one every few seconds."""
-    harness = day(dialect, 130.0, limited(0.0, 20.0), uploaded(8.0), limited(12.0, 50.0), both(off(100.0)))
-    assert "turn radius 125 m, autopilot 175" in harness.texts("fault")
+    harness = day(dialect, 130.0, limited(0.0, 8.0), uploaded(8.0), limited(12.0, 50.0), both(off(100.0)))
+    assert "turn radius 453 m, sensing horizon 825" in harness.texts("fault")
     assert harness.app.num_swaps >= 1
 
 

@@ -55,7 +55,7 @@ def drawn(*numbers):
 
 
 def test_the_first_draw_that_lowers_j_is_found():
-    """A detour over (500, 100) becomes 1,000 m straight on: 40 s at 25 m/s. Nothing shortens a straight path."""
+    """A detour over (500, 100) becomes 1,000 m straight on: 40 s at 25 m/s. Nothing is left to cut then."""
     rows, n = path_over((500.0, 100.0), (1000.0, 0.0))
     draws, out = np.array([drawn(*NARROW), drawn(*WHOLE), drawn(*WHOLE)]), empty_rows(ROOM)
     assert next_gain(rows, n, draws, NO_GOALS, objective(), out) == (1, 41)

@@ -39,7 +39,7 @@ def test_every_field_has_a_name_that_the_simulated_autopilot_knows(dialect):
         "fence_enable", "fence_types", "slope_min_m", "flight_options", "return_climb_m", "level_bank_deg",
         "num_rally_points", "rally_limit_km", "rally_includes_home", "terrain_enable", "terrain_follow",
         "terrain_spacing_m", "look_ahead_m", "climb_wanted_m_s", "sink_wanted_m_s",
-        "height_acceptance_m", "passing_max_m", "height_offset_m",
+        "height_acceptance_m", "passing_max_m", "height_offset_m", "stall_prevention",
     }  # fmt: skip
     assert set(names) | only_one == set(AutopilotSettings.__dataclass_fields__)
 

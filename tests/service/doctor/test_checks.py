@@ -40,10 +40,12 @@ GOOD = {
     "AVD_ENABLE": 0.0, "AVD_F_ACTION": 1.0, "AVD_W_ACTION": 1.0, "ADSB_TYPE": 0.0,
     "WP_RADIUS": 50.0, "WP_MAX_RADIUS": 0.0, "ALT_OFFSET": 0.0,
     "AIRSPEED_MIN": 12.0, "AIRSPEED_MAX": 38.0, "AIRSPEED_CRUISE": 25.0,
+    "ROLL_LIMIT_DEG": 50.0, "STALL_PREVENTION": 1.0,
     "SERIAL1_PROTOCOL": 2.0, "SERIAL1_BAUD": 921.0,
 }  # fmt: skip
 GOOD_PX4 = {
     "MIS_TKO_LAND_REQ": 0.0, "NAV_TRAFF_AVOID": 1.0, "NAV_ACC_RAD": 10.0, "FW_AIRSPD_MIN": 12.0,
+    "FW_R_LIM": 50.0,
     "FW_AIRSPD_MAX": 38.0, "FW_AIRSPD_TRIM": 25.0, "MAV_0_CONFIG": 101.0, "MAV_0_MODE": 0.0,
     "MAV_1_CONFIG": 102.0, "MAV_1_MODE": 2.0, "SER_TEL1_BAUD": 57_600.0, "SER_TEL2_BAUD": 921_600.0,
 }  # fmt: skip
@@ -77,6 +79,26 @@ def test_a_climb_rate_that_is_not_reported_is_told():
     found = verdicts(parameter_findings(Dialect.PX4, {"FW_T_CLMB_R_SP": 5.0}, IN_SPACE, None))
     assert found["FW_T_SINK_R_SP"] is WARN
     assert not {"FW_T_CLMB_R_SP", "climb rates"} & set(found)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "changes", "verdict", "words"),
+    [
+        (Dialect.ARDUPILOT, {}, OK, "50° at 25 m/s"),
+        (Dialect.ARDUPILOT, {"ROLL_LIMIT_DEG": 30.0}, WARN, "30° at 25 m/s set ROLL_LIMIT_DEG 40:"),
+        # cos = (23 / 24.5)^2: 28.2 degrees. 40 degrees need 24.5 * sqrt(cos 40 deg) = 21.4.
+        (Dialect.ARDUPILOT, {"AIRSPEED_MIN": 23.0}, WARN, "28° at 25 m/s set AIRSPEED_MIN 21 or less"),
+        (Dialect.ARDUPILOT, {"AIRSPEED_MIN": 23.0, "STALL_PREVENTION": 0.0}, OK, "50°"),
+        (Dialect.PX4, {"FW_R_LIM": 30.0}, WARN, "set FW_R_LIM 40: otherwise turns are wider"),
+    ],
+)
+def test_an_autopilot_that_banks_less_than_the_file_allows_is_told(dialect, changes, verdict, words):
+    values = (GOOD if dialect is Dialect.ARDUPILOT else GOOD_PX4) | changes
+    found = {each.check: each for each in parameter_findings(dialect, values, MISSION, None)}["bank"]
+    assert found.verdict is verdict
+    assert words in f"{found.found} {found.advice}"
+    del values["ROLL_LIMIT_DEG" if dialect is Dialect.ARDUPILOT else "FW_R_LIM"]
+    assert "bank" not in {each.check for each in parameter_findings(dialect, values, MISSION, None)}
 
 
 def verdicts(findings):
@@ -137,7 +159,7 @@ def test_a_key_that_others_may_read_is_a_failure(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("dialect", "values", "number"), [(Dialect.ARDUPILOT, GOOD, 10), (Dialect.PX4, GOOD_PX4, 5)]
+    ("dialect", "values", "number"), [(Dialect.ARDUPILOT, GOOD, 11), (Dialect.PX4, GOOD_PX4, 6)]
 )
 @pytest.mark.parametrize("baud_rate", [None, 921_600])
 def test_good_parameters_need_nothing(dialect, values, number, baud_rate):

@@ -16,7 +16,7 @@ from companion.config.compose import vehicle_of
 from companion.mission.waypoints import density_ratio
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame, MissionItem
-from companion.types.state import Ownship
+from companion.types.state import AutopilotSettings, Ownship
 from companion.world.vehicle.guidance import default_guidance, track_of_circle, track_of_legs
 from companion.world.vehicle.vehicle_model import VehicleModel
 from sim.simulator import Simulator
@@ -60,6 +60,31 @@ def test_a_real_arduplane_flies_round_corners_as_foreseen():
     off = shapely.distance(shapely.linestrings(track.positions_enu_m[:, :2]), shapely.points(flown[:, 1:]))
     assert np.median(off) < 2.0
     assert np.percentile(off, 95.0) < 12.0
+
+
+CORNERS_NEAR_STALL = (
+    (0.0, 50.0), (2.4, 750.8), (76.2, 817.8), (576.0, 827.0), (856.7, 1101.5), (938.2, 1106.4),
+    (1005.5, 1065.2), (1035.4, 992.8), (891.6, 420.5), (945.1, 336.6), (1214.3, 253.2), (1694.3, -226.2),
+    (1783.0, -227.7), (1852.3, -176.7), (1872.9, -93.5), (1502.0, 663.4), (153.8, 3343.3),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("prevention", "off_m"), [(1.0, (0.0, 15.0)), (0.0, (30.0, 50.0))])
+def test_a_real_arduplane_that_stall_prevention_limits_flies_as_foreseen(prevention, off_m):
+    """Beside its recorded flight: the distance from the track in 95 %, and that without the limit."""
+    flown = np.loadtxt(DATA / "arduplane-4.8dev-near-stall.csv", delimiter=",", skiprows=3)
+    told = AutopilotSettings(bank_max_deg=45.0, airspeed_min_m_s=23.0, stall_prevention=prevention)
+    guidance = replace(
+        L1, l1_period_s=15.0, acceptance_radius_m=100.0, circle_stretch=1.0 / density_ratio(684.0),
+        bank_max_rad=told.bank_limit_rad(24.2),
+    )  # fmt: skip
+    track = track_of_legs(
+        guidance, ownship((-0.1, 0.9, 100.0), airspeed=25.8),
+        np.array([(*place, 100.0) for place in CORNERS_NEAR_STALL]),
+        before_enu_m=np.array([0.0, 0.0, 100.0]), ends_s=float(flown[-1, 0]),
+    )  # fmt: skip
+    off = shapely.distance(shapely.linestrings(track.positions_enu_m[:, :2]), shapely.points(flown[:, 1:]))
+    assert off_m[0] < np.percentile(off, 95.0) < off_m[1]
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
