@@ -13,6 +13,7 @@ from companion.config.models import MissionConfig
 from companion.config.sections.terrain_map import ground_heights_of, ground_of
 from companion.mission.energy_budget import EnergyBudget, budget_of
 from companion.mission.glide.landing_choice import LandingPlace, Place
+from companion.mission.waypoints import equivalent_airspeed
 from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings, settings_for
@@ -23,6 +24,12 @@ from companion.world.vehicle.vehicle_model import VehicleModel
 
 ALTITUDE_TOLERANCE_M = 20.0
 HOME_RADIUS_M = 60.0  # Home and rally points name no radius in which to come down.
+
+
+def equivalent_cruise_m_s(mission: MissionConfig) -> float:
+    """Return the cruise airspeed as an autopilot measures it: equivalent, at the start's height [m/s]."""
+    altitude_m = float(mission.origin.altitude_amsl_m) + float(mission.start.up_m)
+    return equivalent_airspeed(float(mission.vehicle.airspeed_cruise_m_s), altitude_m)
 
 
 def vehicle_of(mission: MissionConfig) -> VehicleModel:

@@ -11,6 +11,7 @@ from companion.assurance.checker import Checker
 from companion.assurance.exposure import Exposure
 from companion.config.compose import (
     check_limits_of,
+    equivalent_cruise_m_s,
     exposure_of,
     glide_model_of,
     goals_of,
@@ -125,7 +126,7 @@ def rules_of(
         Settings of the autopilot, whose limits of bank, airspeed, climb and descent the rules never exceed.
     """
     vehicle, reported = vehicle_of(mission), reported or AutopilotSettings()
-    vehicle = vehicle.with_bank(reported.bank_limit_rad(vehicle.airspeed_cruise_m_s))
+    vehicle = vehicle.with_bank(reported.bank_limit_rad(equivalent_cruise_m_s(mission)))
     if reported.airspeed_max_m_s:
         fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)

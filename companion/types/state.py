@@ -203,8 +203,8 @@ class AutopilotSettings:
         bank_rad = math.radians(min(self.bank_max_deg, BANK_MOST_DEG)) if self.bank_max_deg else math.inf
         if not self.stall_prevention or not self.airspeed_min_m_s:
             return bank_rad
-        level = min(1.0, (self.airspeed_min_m_s / (AIRSPEED_IN_TURNS * airspeed_m_s)) ** 2)
-        return min(bank_rad, max(math.radians(BANK_LEAST_DEG), math.acos(level)))
+        cosine = min(1.0, (self.airspeed_min_m_s / (AIRSPEED_IN_TURNS * airspeed_m_s)) ** 2)
+        return min(bank_rad, max(math.radians(BANK_LEAST_DEG), math.acos(cosine)))
 
     @property
     def climb_rate_max_m_s(self) -> float:

@@ -287,8 +287,8 @@ class Flight:
         limit = min(limit, max(_BANK_LIMIT_MIN, math.acos(min(1.0, 1.0 / max(load, 1.0)))))
         if not (slowest_m_s := self._parameters.stall_prevention_m_s):
             return limit
-        level = min(1.0, (slowest_m_s / max(estimate.airspeed_m_s, 1.0)) ** 2)
-        return min(limit, max(_PREVENTED_BANK_MIN, math.acos(level)))
+        cosine = min(1.0, (slowest_m_s / max(estimate.airspeed_m_s, 1.0)) ** 2)
+        return min(limit, max(_PREVENTED_BANK_MIN, math.acos(cosine)))
 
 
 def progress_on(leg: Leg, position: Point) -> float:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.assurance.violation import Violation
+from companion.config.compose import equivalent_cruise_m_s
 from companion.config.sections.terrain_map import autopilot_ground_of
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray, speed_made_good
@@ -97,7 +98,7 @@ def guidance_of(state: FlightState) -> Guidance:
     """Return the autopilot's guidance, by its own parameters as far as they were read."""
     usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
     settings = state.settings
-    bank = settings.bank_limit_rad(state.rules.vehicle.airspeed_cruise_m_s)
+    bank = settings.bank_limit_rad(equivalent_cruise_m_s(state.mission))
     return replace(
         usual,
         acceptance_radius_m=settings.acceptance_radius_m or usual.acceptance_radius_m,

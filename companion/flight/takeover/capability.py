@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from companion.config import MissionConfig
-from companion.config.compose import vehicle_of
+from companion.config.compose import equivalent_cruise_m_s, vehicle_of
 from companion.config.sections.terrain_map import ground_heights_of
 from companion.types.state import AutopilotSettings
 
@@ -37,13 +37,12 @@ def shortfalls(
     flies_by : bool
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     """
-    vehicle = mission.vehicle
-    cruise = float(vehicle.airspeed_cruise_m_s)
+    cruise = equivalent_cruise_m_s(mission)
     found = []
     if settings.airspeed_min_m_s and cruise * TOLERANCE < settings.airspeed_min_m_s:
-        found.append(f"cruise {cruise:g} m/s, autopilot at least {settings.airspeed_min_m_s:g}")
+        found.append(f"cruise {cruise:.1f} m/s EAS, autopilot at least {settings.airspeed_min_m_s:g}")
     if settings.airspeed_max_m_s and cruise > settings.airspeed_max_m_s * TOLERANCE:
-        found.append(f"cruise {cruise:g} m/s, autopilot at most {settings.airspeed_max_m_s:g}")
+        found.append(f"cruise {cruise:.1f} m/s EAS, autopilot at most {settings.airspeed_max_m_s:g}")
     widened = vehicle_of(mission).with_bank(settings.bank_limit_rad(cruise))
     horizon_m = float(mission.planning.sensing_horizon_m)
     if 2.0 * widened.turn_radius_min_m >= horizon_m:

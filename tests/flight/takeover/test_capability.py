@@ -29,8 +29,8 @@ IN_SPACE = mission_from_text(PLAIN.replace("dimension: 2", "dimension: 3"), "pla
         ({"passing_max_m": 0.0, "height_offset_m": 0.0}, ()),
         ({"height_offset_m": -5.0}, ("ALT_OFFSET -5: must be 0",)),
         ({"passing_max_m": 30.0}, ("WP_MAX_RADIUS 30: must be 0",)),
-        ({"airspeed_max_m_s": 22.0}, ("cruise 25 m/s, autopilot at most 22",)),
-        ({"airspeed_min_m_s": 28.0}, ("cruise 25 m/s, autopilot at least 28",)),
+        ({"airspeed_max_m_s": 22.0}, ("cruise 24.2 m/s EAS, autopilot at most 22",)),
+        ({"airspeed_min_m_s": 28.0}, ("cruise 24.2 m/s EAS, autopilot at least 28",)),
         # 625 / (9.80665 * tan 8 deg) = 453.5 m; half the sensing horizon are 412.5 m.
         ({"bank_max_deg": 8.0}, ("turn radius 453 m, sensing horizon 825",)),
         ({"bank_max_deg": 9.0}, ()),
@@ -81,12 +81,12 @@ def test_plans_climb_and_descend_no_faster_than_the_autopilot(told, climb_deg, d
         ({}, 40.0, 125.0),
         ({"bank_max_deg": 30.0}, 30.0, 125.0),
         ({"bank_max_deg": 20.0}, 20.0, 175.1),  # 625 / (9.80665 * tan 20 deg)
-        # cos = (22 / 24.5)^2, 2 % less than the 25 m/s of cruise
-        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 1.0}, 36.26, 125.0),
+        # 25 m/s are 24.19 m/s of equivalent airspeed at 684 m. cos = (22 / 23.70)^2, for 2 % less than that
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 1.0}, 30.51, 125.0),
         ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 0.0}, 40.0, 125.0),
         ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0}, 40.0, 125.0),
-        # 16 degrees by that rule; 25 in any case
-        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 24.0, "stall_prevention": 1.0}, 25.0, 136.7),
+        # 19.7 degrees by that rule; 25 in any case
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 23.0, "stall_prevention": 1.0}, 25.0, 136.7),
         ({"bank_max_deg": 50.0, "airspeed_min_m_s": 26.0, "stall_prevention": 1.0}, 25.0, 136.7),
     ],
 )
@@ -109,9 +109,9 @@ def test_what_was_told_is_what_tracks_are_foreseen_by():
     assert guidance.sink_rate_max_m_s == pytest.approx(3.0)
     assert guidance.bank_max_rad == pytest.approx(math.radians(35.0))
     slow = after_settings_reported(
-        first_state(MISSION, 0.0), replace(told, stall_prevention=1.0, airspeed_min_m_s=23.0)
+        first_state(MISSION, 0.0), replace(told, stall_prevention=1.0, airspeed_min_m_s=22.0)
     )
-    assert math.degrees(guidance_of(slow).bank_max_rad) == pytest.approx(28.20, abs=0.01)
+    assert math.degrees(guidance_of(slow).bank_max_rad) == pytest.approx(30.51, abs=0.01)
     untold = guidance_of(first_state(MISSION, 0.0))
     assert untold.acceptance_radius_m == 50.0
 
