@@ -1,10 +1,11 @@
-"""Coordinate frames and their conversions, which exist only here.
+"""Coordinate frames, airspeeds, and their conversions, which exist only here.
 
 - *Local*: east, north, up in metres from the mission file's origin (a WGS84 point); up is relative
   to the origin's altitude above mean sea level. All of the program uses this frame.
 - *Global*: WGS84 latitude and longitude in degrees, altitude in metres above mean sea level.
 - *Course*: radians clockwise from north, in [0, 2π), at every interface (files, messages, reports).
 - *Direction*: radians counter-clockwise from east, the paper's θ; in planning and kernels only.
+- *True airspeed* everywhere but in what autopilots command and report, which is the *equivalent airspeed*.
 """
 
 from __future__ import annotations
@@ -193,3 +194,24 @@ def wrapped_angle(angle_rad: float) -> float:
     """Return the angle in (-π, π] [rad]."""
     wrapped = math.remainder(angle_rad, 2.0 * math.pi)
     return math.pi if wrapped == -math.pi else wrapped
+
+
+def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> float:
+    """Return the equivalent airspeed, which autopilots command, of a true airspeed [m/s].
+
+    The density is that of the International Standard Atmosphere.
+    """
+    return true_airspeed_m_s * math.sqrt(density_ratio(altitude_amsl_m))
+
+
+def true_airspeed(equivalent_airspeed_m_s: float, altitude_amsl_m: float) -> float:
+    """Return the true airspeed of an equivalent airspeed [m/s]; see :func:`equivalent_airspeed`."""
+    return equivalent_airspeed_m_s / math.sqrt(density_ratio(altitude_amsl_m))
+
+
+def density_ratio(altitude_amsl_m: float) -> float:
+    """Return the air density divided by that at sea level, by the International Standard Atmosphere.
+
+    ISO 2533, troposphere.
+    """
+    return float((1.0 - 2.25577e-5 * altitude_amsl_m) ** 4.25588)

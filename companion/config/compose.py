@@ -11,9 +11,9 @@ from companion.assurance.check_limits import CheckLimits
 from companion.assurance.exposure import Exposure, ExposureModel
 from companion.config.models import MissionConfig
 from companion.config.sections.terrain_map import ground_heights_of, ground_of
+from companion.frames import equivalent_airspeed
 from companion.mission.energy_budget import EnergyBudget, budget_of
 from companion.mission.glide.landing_choice import LandingPlace, Place
-from companion.mission.waypoints import equivalent_airspeed
 from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings, settings_for

@@ -126,7 +126,8 @@ def rules_of(
         Settings of the autopilot, whose limits of bank, airspeed, climb and descent the rules never exceed.
     """
     vehicle, reported = vehicle_of(mission), reported or AutopilotSettings()
-    vehicle = vehicle.with_bank(reported.bank_limit_rad(equivalent_cruise_m_s(mission)))
+    at_cruise_rad = reported.bank_limit_rad(equivalent_cruise_m_s(mission))
+    vehicle = vehicle.with_banks(reported.bank_limit_rad(math.inf), at_cruise_rad)
     if reported.airspeed_max_m_s:
         fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.assurance.violation import Violation
-from companion.frames import FloatArray, LocalFrame
+from companion.frames import FloatArray, LocalFrame, equivalent_airspeed
 from companion.types.mission import ARDUPLANE_SLOPES, Command, MavFrame, Mission, MissionItem, SlopeMin
 from companion.types.path import Path
 from companion.world.ground.autopilot_ground import AutopilotGround
@@ -436,27 +436,6 @@ def sequence_of_waypoint(mission: Mission, number: int) -> int:
     behind = mission.items[mission.entry :]
     found = [item.sequence for item in behind if item.command == Command.NAV_WAYPOINT]
     return found[number]
-
-
-def equivalent_airspeed(true_airspeed_m_s: float, altitude_amsl_m: float) -> float:
-    """Return the equivalent airspeed, which autopilots command, of a true airspeed [m/s].
-
-    The density is that of the International Standard Atmosphere.
-    """
-    return true_airspeed_m_s * math.sqrt(density_ratio(altitude_amsl_m))
-
-
-def true_airspeed(equivalent_airspeed_m_s: float, altitude_amsl_m: float) -> float:
-    """Return the true airspeed of an equivalent airspeed [m/s]; see :func:`equivalent_airspeed`."""
-    return equivalent_airspeed_m_s / math.sqrt(density_ratio(altitude_amsl_m))
-
-
-def density_ratio(altitude_amsl_m: float) -> float:
-    """Return the air density divided by that at sea level, by the International Standard Atmosphere.
-
-    ISO 2533, troposphere.
-    """
-    return float((1.0 - 2.25577e-5 * altitude_amsl_m) ** 4.25588)
 
 
 def placed_item(

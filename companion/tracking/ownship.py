@@ -11,7 +11,7 @@ from collections import Counter
 from dataclasses import astuple, dataclass, replace
 from typing import TypeVar
 
-from companion.frames import LocalFrame, wrapped_angle
+from companion.frames import LocalFrame, true_airspeed, wrapped_angle
 from companion.tracking.position_integrity import PositionIntegrity
 from companion.types.events import (
     AirData,
@@ -32,7 +32,12 @@ TURN_AIRSPEED_MIN_M_S = 1.0  # Below this airspeed the wing does not fly, and g�
 OWN_WIND_STD_M_S = 1.5  # Includes the errors of airspeed sensor and compass.
 UNKNOWN_WIND_STD_M_S = 3.0  # Used while nothing is known of the wind.
 WIND_TIME_S = 20.0  # Time constant of the filter of the wind that is estimated here.
-TURN_COMPARED_S = 1.0  # A rate of turn is computed from two positions at most this far apart.
+TURN_COMPARED_S = 1.0  # A rate of turn is computed from two positions, or attitudes, at most this far apart.
+COORDINATED_RAD = math.radians(15.0), math.radians(60.0)  # Turns with other banks say little of coordination.
+# Before the first turn, turns count as coordinated. That counts as much as 10 s of a turn with 25° of bank.
+EXPECTED_S = 10.0 * math.tan(math.radians(25.0)) ** 2
+TURNS_KEPT_S = 120.0  # Older turns count less: by a factor of e for so much time in turns.
+COORDINATION_MIN = 0.5  # A lower estimate is not believed.
 
 Observed = TypeVar("Observed", GlobalPosition, AirData, Attitude, WindEstimate)
 
@@ -71,6 +76,48 @@ class OwnshipSettings:
             raise ValueError("ages, speeds and accuracies count from zero up")
 
 
+class CoordinationEstimate:
+    """The rate of turn as a share of that of a coordinated turn, by least squares over what was flown.
+
+    An aircraft that slips turns less than ``g·tan(bank)/v``: its fuselage pushes it outwards. The guidance of
+    ArduPlane and PX4 commands the bank of a coordinated turn, so that such an aircraft leaves its legs in
+    turns.
+    """
+
+    def __init__(self) -> None:
+        self._before: Attitude | None = None
+        self._turned_s = self._square_s = 0.0
+
+    def note(self, attitude: Attitude, true_airspeed_m_s: float) -> None:
+        """Take an attitude; it counts if the aircraft has turned since the last one.
+
+        Parameters
+        ----------
+        attitude : Attitude
+            Bank and yaw.
+        true_airspeed_m_s : float
+            True airspeed at that time [m/s].
+        """
+        before, self._before = self._before, attitude
+        step_s = 0.0 if before is None else attitude.stamp_s - before.stamp_s
+        if before is None or not 0.0 < step_s <= TURN_COMPARED_S:
+            return
+        banks = before.bank_rad, attitude.bank_rad
+        least, most = sorted(map(abs, banks))
+        if banks[0] * banks[1] < 0.0 or least < COORDINATED_RAD[0] or most > COORDINATED_RAD[1]:
+            return
+        slope, kept = math.tan(0.5 * sum(banks)), math.exp(-step_s / TURNS_KEPT_S)
+        turned_rad = wrapped_angle(attitude.yaw_rad - before.yaw_rad)
+        self._turned_s = kept * self._turned_s + turned_rad * slope * true_airspeed_m_s / GRAVITY_M_S2
+        self._square_s = kept * self._square_s + step_s * slope**2
+
+    @property
+    def share(self) -> float:
+        """The estimate, between :data:`COORDINATION_MIN` and 1."""
+        share = (EXPECTED_S + self._turned_s) / (EXPECTED_S + self._square_s)
+        return min(max(share, COORDINATION_MIN), 1.0)
+
+
 class OwnshipEstimator:
     """Keeps the latest message of each kind and estimates the state of the aircraft.
 
@@ -97,6 +144,7 @@ class OwnshipEstimator:
         self._wind: WindEstimate | None = None
         self._own_wind: WindEstimate | None = None
         self._turn_rad_s = 0.0
+        self._coordination = CoordinationEstimate()
         self._accuracy: EstimatorAccuracy | None = None
         self._integrity = PositionIntegrity()
         self.counters: Counter[str] = Counter()
@@ -121,6 +169,8 @@ class OwnshipEstimator:
                 self._air = event
             case Attitude():
                 self._attitude = event
+                if (airspeed_m_s := self._reported_airspeed(event.stamp_s)) is not None:
+                    self._coordination.note(event, airspeed_m_s)
             case WindEstimate():
                 self._wind = event
             case EstimatorAccuracy():
@@ -148,11 +198,11 @@ class OwnshipEstimator:
     def _note_own_wind(self, event: GlobalPosition) -> None:
         """Estimate the wind as smoothed difference of ground and air velocity, assuming no sideslip."""
         now_s, settings = event.stamp_s, self._settings
-        air = _fresh(self._air, now_s, settings.airspeed_max_age_s)
+        airspeed_m_s = self._reported_airspeed(now_s)
         attitude = _fresh(self._attitude, now_s, settings.attitude_max_age_s)
-        if air is None or attitude is None or air.airspeed_m_s < TURN_AIRSPEED_MIN_M_S:
+        if airspeed_m_s is None or attitude is None or airspeed_m_s < TURN_AIRSPEED_MIN_M_S:
             return
-        speed = air.airspeed_m_s * math.cos(attitude.pitch_rad)
+        speed = airspeed_m_s * math.cos(attitude.pitch_rad)
         east = event.velocity_enu_m_s[0] - speed * math.sin(attitude.yaw_rad)
         north = event.velocity_enu_m_s[1] - speed * math.cos(attitude.yaw_rad)
         held = self._own_wind
@@ -210,6 +260,7 @@ class OwnshipEstimator:
             wind_std_m_s=wind_std_m_s,
             position_std_m=self._position_std(),
             bank_rad=self._bank(now_s),
+            coordination=self._coordination.share,
         )
 
     def _held(self, event: Event) -> Event | None:
@@ -231,10 +282,15 @@ class OwnshipEstimator:
         return (wind.wind_east_m_s, wind.wind_north_m_s), wind.std_m_s
 
     def _airspeed(self, now_s: float, east_m_s: float, north_m_s: float, up_m_s: float) -> float:
+        reported = self._reported_airspeed(now_s)
+        return math.hypot(east_m_s, north_m_s, up_m_s) if reported is None else reported
+
+    def _reported_airspeed(self, now_s: float) -> float | None:
+        """Return the true airspeed by a fresh report, which has the equivalent one; None without [m/s]."""
         air = _fresh(self._air, now_s, self._settings.airspeed_max_age_s)
-        if air is not None:
-            return air.airspeed_m_s
-        return math.hypot(east_m_s, north_m_s, up_m_s)
+        if air is None or self._position is None:
+            return None
+        return true_airspeed(air.airspeed_m_s, self._position.altitude_amsl_m)
 
     def _bank(self, now_s: float) -> float:
         attitude = _fresh(self._attitude, now_s, self._settings.attitude_max_age_s)
@@ -253,11 +309,11 @@ class OwnshipEstimator:
 
 
 def predicted(state: Ownship, ahead_s: float) -> Ownship:
-    """Return the state after a coordinated turn with the present bank, speed and wind.
+    """Return the state after a turn with the present bank, coordination, speed and wind.
 
-    The velocity through the air turns at ``g·tan(bank)/v`` (v is its horizontal part), the wind moves the
-    circle, and the climb rate stays constant. Below an airspeed of 1 m/s there is no turn. The prediction is
-    valid for a few seconds, since no bank lasts longer.
+    The velocity through the air turns at that share of ``g·tan(bank)/v`` (v is its horizontal part), the wind
+    moves the circle, and the climb rate stays constant. Below an airspeed of 1 m/s there is no turn. The
+    prediction is valid for a few seconds, since no bank lasts longer.
 
     Parameters
     ----------
@@ -275,7 +331,9 @@ def predicted(state: Ownship, ahead_s: float) -> Ownship:
     air_north = state.ground_speed_m_s * math.cos(state.course_rad) - wind_north
     speed = math.hypot(air_east, air_north)
     bank = min(max(state.bank_rad, -BANK_MAX_RAD), BANK_MAX_RAD)
-    rate = GRAVITY_M_S2 * math.tan(bank) / speed if speed > TURN_AIRSPEED_MIN_M_S else 0.0
+    rate = (
+        state.coordination * GRAVITY_M_S2 * math.tan(bank) / speed if speed > TURN_AIRSPEED_MIN_M_S else 0.0
+    )
     heading = math.atan2(air_east, air_north)
     turned = heading + rate * ahead_s
     if abs(rate) < TURN_RATE_MIN_RAD_S:

@@ -202,7 +202,7 @@ class GlobalPosition:
 
 @dataclass(frozen=True, slots=True)
 class AirData:
-    """VFR_HUD: airspeed, ground speed, and the throttle as a share of 1."""
+    """VFR_HUD: equivalent airspeed, ground speed, and the throttle as a share of 1."""
 
     stamp_s: float
     airspeed_m_s: float

@@ -12,8 +12,7 @@ STRAIGHT_HOME, LANDING_AT_ONCE, BY_RETURN_PATH = 0.0, 2.0, 4.0
 # Options of ArduPlane's FLIGHT_OPTIONS: climbs of a mission are no slopes, and a return climbs first.
 CLIMBS_AT_ONCE, CLIMBS_FIRST = 1 << 14, 1 << 4
 BANK_MOST_DEG = 80.0  # A larger limit of the bank is a misreading.
-BANK_LEAST_DEG = 25.0  # ArduPlane banks this far at any airspeed.
-AIRSPEED_IN_TURNS = 0.98  # Real ArduPlanes were that much slower in turns than they wanted to be.
+BANK_LEAST_DEG = 32.0  # A real ArduPlane held this bank in turns, 5 % above AIRSPEED_MIN.
 RETURNS_OVER_GROUND = 1 | 1 << 4  # Bits of ArduPlane's TERRAIN_FOLLOW: all modes, and a return to launch.
 
 # Where a return ends, east, north, up [m], and whether the operator's landing follows there.
@@ -44,6 +43,8 @@ class Ownship:
         Bank angle, positive with the right wing down [rad].
     wind_std_m_s : float
         Standard deviation of the wind [m/s].
+    coordination : float
+        Rate of turn as a share of that of a coordinated turn with the same bank.
     """
 
     stamp_s: float
@@ -56,6 +57,7 @@ class Ownship:
     position_std_m: tuple[float, float] = (2.0, 3.0)
     bank_rad: float = 0.0
     wind_std_m_s: float = 0.0
+    coordination: float = 1.0
 
     @property
     def velocity_m_s(self) -> tuple[float, float]:
@@ -190,20 +192,21 @@ class AutopilotSettings:
         return bool(int(self.flight_options or 0.0) & option)
 
     def bank_limit_rad(self, airspeed_m_s: float) -> float:
-        """Return the largest bank at an airspeed [rad]; infinite if it is not known.
+        """Return the largest bank at an airspeed [rad]; 80° if it is not known.
 
         With STALL_PREVENTION an ArduPlane banks so far that AIRSPEED_MIN, times the root of the load factor,
-        is no faster than it flies, and up to 25° in any case (``Plane::apply_load_factor_roll_limits``).
+        is no faster than it flies, and up to 25° in any case (``Plane::apply_load_factor_roll_limits``). In a
+        turn it flies faster for that (``AP_TECS::_update_speed``), so that more than 25° are reached.
 
         Parameters
         ----------
         airspeed_m_s : float
             Equivalent airspeed [m/s].
         """
-        bank_rad = math.radians(min(self.bank_max_deg, BANK_MOST_DEG)) if self.bank_max_deg else math.inf
+        bank_rad = math.radians(min(self.bank_max_deg or BANK_MOST_DEG, BANK_MOST_DEG))
         if not self.stall_prevention or not self.airspeed_min_m_s:
             return bank_rad
-        cosine = min(1.0, (self.airspeed_min_m_s / (AIRSPEED_IN_TURNS * airspeed_m_s)) ** 2)
+        cosine = min(1.0, (self.airspeed_min_m_s / airspeed_m_s) ** 2)
         return min(bank_rad, max(math.radians(BANK_LEAST_DEG), math.acos(cosine)))
 
     @property

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from ..autopilot.autopilot_parameters import Parameters
-from .attitude import Airframe, AttitudeController
+from .attitude import Airframe, AttitudeController, load_factor
 from .fdm import STEP_S, FlightDynamics, Start
 from .outer_loops import EnergyControl, LateralGuidance, Point, bank_for
 from .sensors import Estimate, Sensors
@@ -256,7 +256,7 @@ class Flight:
         limits.airspeed_min_m_s = parameters["AIRSPEED_MIN"]
         height = self.target_height_m() if climb is None else climb.target_m
         output.pitch_rad, output.throttle = self.energy.update(
-            estimate, height, self.airspeed_m_s, has_thrust=self.has_thrust,
+            estimate, height, self._prevent_stall(estimate), has_thrust=self.has_thrust,
             speed_share=self._speed_share(steering),
         )  # fmt: skip
         output.bearing_rad = self.lateral.bearing_rad
@@ -281,14 +281,22 @@ class Flight:
         return 1.0 if left > 0.0 else 0.0
 
     def _bank_limit(self, estimate: Estimate) -> float:
-        """Bank whose load factor stays clear of the stall, and of what stall prevention keeps [rad]."""
+        """Bank whose load factor stays clear of the stall at this airspeed [rad]."""
         load = _LOAD_MARGIN * (estimate.airspeed_m_s / self._airframe.stall_speed_m_s) ** 2
         limit = math.radians(self._parameters["ROLL_LIMIT_DEG"])
-        limit = min(limit, max(_BANK_LIMIT_MIN, math.acos(min(1.0, 1.0 / max(load, 1.0)))))
-        if not (slowest_m_s := self._parameters.stall_prevention_m_s):
-            return limit
-        cosine = min(1.0, (slowest_m_s / max(estimate.airspeed_m_s, 1.0)) ** 2)
-        return min(limit, max(_PREVENTED_BANK_MIN, math.acos(cosine)))
+        return min(limit, max(_BANK_LIMIT_MIN, math.acos(min(1.0, 1.0 / max(load, 1.0)))))
+
+    def _prevent_stall(self, estimate: Estimate) -> float:
+        """Limit the bank as ArduPlane's stall prevention does; return the airspeed to be held [m/s].
+
+        Its TECS holds AIRSPEED_MIN times the root of the load factor that guidance asks for.
+        """
+        slowest_m_s, wanted = self._parameters.stall_prevention_m_s, self.output.bank_rad
+        if slowest_m_s:
+            cosine = min(1.0, (slowest_m_s / max(estimate.airspeed_m_s, 1.0)) ** 2)
+            limit = max(_PREVENTED_BANK_MIN, math.acos(cosine))
+            self.output.bank_rad = max(-limit, min(limit, wanted))
+        return max(self.airspeed_m_s, slowest_m_s * math.sqrt(load_factor(wanted)))
 
 
 def progress_on(leg: Leg, position: Point) -> float:

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.frames import equivalent_airspeed
 from companion.mission.list_layout import bank_items
-from companion.mission.waypoints import equivalent_airspeed, mission_part, waypoints_from_path
+from companion.mission.waypoints import mission_part, waypoints_from_path
 from companion.types.mission import ALL_SLOPES, Command, MavFrame, SlopeMin
 from companion.world.ground.autopilot_ground import AutopilotGround
 from tests.mission.made import FRAME, path_along, waypoints

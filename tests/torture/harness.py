@@ -21,9 +21,8 @@ from companion.errors import RecordError
 from companion.flight.state.checkpoint import Checkpoint
 from companion.flight.state.modes import Mode
 from companion.flight.tasks.app import stop
-from companion.frames import speed_made_good
+from companion.frames import equivalent_airspeed, speed_made_good
 from companion.link.wire.memory_transport import MemoryTransport
-from companion.mission.waypoints import equivalent_airspeed
 from companion.types.events import Dialect
 from companion.types.mission import Command
 from companion.types.state import Ownship

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.frames import LocalFrame
+from companion.frames import LocalFrame, equivalent_airspeed
 from companion.tracking.ownship import OwnshipEstimator, OwnshipSettings, predicted
 from companion.types.events import (
     AirData,
@@ -69,7 +69,9 @@ def test_airspeed_not_heard_is_ground_velocity_less_wind(estimator):
     estimator.observe(WindEstimate(10.0, 0.0, -5.0))  # headwind: air moves south
     assert estimator.state(10.0).airspeed_m_s == pytest.approx(25.0)
     estimator.observe(AirData(10.0, 24.0, 20.0))
-    assert estimator.state(10.0).airspeed_m_s == 24.0
+    assert estimator.state(10.0).airspeed_m_s == pytest.approx(
+        24.747, abs=1e-3
+    )  # At 634 m: 24 / sqrt(0.9405)
     estimator.observe(position(14.0, velocity=(0.0, 20.0, 0.0)))
     assert estimator.state(14.0).airspeed_m_s == pytest.approx(25.0), "VFR_HUD has grown old"
 
@@ -102,7 +104,7 @@ def test_wind_that_is_not_told_is_worked_out(estimator):
     """Pointing north at 25 m/s through the air, moving north at 20 and east at 3: air moves (3, −5)."""
     for step in range(1200):
         now = 10.0 + 0.1 * step
-        estimator.observe(AirData(now, 25.0, 20.0))
+        estimator.observe(AirData(now, equivalent_airspeed(25.0, 634.0), 20.0))
         estimator.observe(Attitude(now, 0.0, 0.0, 0.0))
         estimator.observe(position(now, north_m=2.0 * step, east_m=0.3 * step, velocity=(3.0, 20.0, 0.0)))
     assert estimator.state(now).wind_enu_m_s == pytest.approx((3.0, -5.0), abs=1e-9)

@@ -12,8 +12,8 @@ from companion.assurance.violation import Violation
 from companion.config.compose import equivalent_cruise_m_s
 from companion.config.sections.terrain_map import autopilot_ground_of
 from companion.flight.state.flight_state import FlightState
-from companion.frames import FloatArray, speed_made_good
-from companion.mission.waypoints import Waypoints, density_ratio
+from companion.frames import FloatArray, density_ratio, speed_made_good
+from companion.mission.waypoints import Waypoints
 from companion.types.path import FASTER_M_S, Path
 from companion.types.state import Ownship
 from companion.world.ground.autopilot_ground import AutopilotGround, ClimbAhead
@@ -94,18 +94,28 @@ class Faults(NamedTuple):
 NO_FAULTS = Faults(0.0, False, 0.0, 0.0, 0.0)
 
 
-def guidance_of(state: FlightState) -> Guidance:
-    """Return the autopilot's guidance, by its own parameters as far as they were read."""
+def guidance_of(state: FlightState, airspeed_m_s: float | None = None) -> Guidance:
+    """Return the autopilot's guidance, by its own parameters as far as they were read.
+
+    Parameters
+    ----------
+    state : FlightState
+        The autopilot's parameters and the aircraft.
+    airspeed_m_s : float, optional
+        True airspeed of the turns, on which the largest bank may depend; by default that of cruise [m/s].
+    """
     usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
-    settings = state.settings
-    bank = settings.bank_limit_rad(equivalent_cruise_m_s(state.mission))
+    settings, cruise_m_s = state.settings, state.rules.vehicle.airspeed_cruise_m_s
+    measured_m_s = (airspeed_m_s or cruise_m_s) / cruise_m_s * equivalent_cruise_m_s(state.mission)
+    bank = settings.bank_limit_rad(measured_m_s)
     return replace(
         usual,
         acceptance_radius_m=settings.acceptance_radius_m or usual.acceptance_radius_m,
         height_acceptance_m=settings.height_acceptance_m or usual.height_acceptance_m,
         l1_period_s=settings.guidance_period_s or usual.l1_period_s,
         l1_damping=settings.guidance_damping or usual.l1_damping,
-        bank_max_rad=bank if math.isfinite(bank) else usual.bank_max_rad,
+        bank_max_rad=bank if settings.bank_max_deg else min(usual.bank_max_rad, bank),
+        coordination=state.coordination,
         loiter_radius_m=settings.loiter_radius_m or usual.loiter_radius_m,
         slope_min=settings.slope_min or usual.slope_min,
         circle_stretch=circle_stretch(state),
@@ -160,7 +170,7 @@ def guidance_over(state: FlightState, waypoints: Waypoints, *, at_once: bool = F
     acceleration = AT_ONCE_M_S2 if at_once else state.rules.vehicle.acceleration_max_m_s2
     ground = NO_FOLLOWED_GROUND if waypoints.ground is None else waypoints.ground.followed
     return replace(
-        guidance_of(state),
+        guidance_of(state, waypoints.airspeed_m_s),
         airspeed_m_s=waypoints.airspeed_m_s,
         acceleration_m_s2=acceleration,
         ground=ground,

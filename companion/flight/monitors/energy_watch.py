@@ -19,6 +19,7 @@ from companion.flight.prediction.energy_ahead import (
     EnergyOutlook,
     energy_at_ends_wh,
     energy_outlook,
+    reported_airspeed_m_s,
 )
 from companion.flight.prediction.return_path import return_path
 from companion.flight.state.decision import DecisionKind
@@ -211,7 +212,7 @@ class EnergyWatch:
             self._estimator.note_expected(now_s, 0.0)
             return
         climb_m_s = ownship.climb_m_s
-        power_w = model.power_w(ownship.airspeed_m_s, climb_m_s, ownship.bank_rad)
+        power_w = model.power_w(reported_airspeed_m_s(state, ownship), climb_m_s, ownship.bank_rad)
         self._estimator.note_expected(now_s, power_w)
 
     def _tell_ratio(self, now_s: float) -> None:

@@ -18,10 +18,9 @@ import numpy as np
 from companion.config.compose import power_model_of
 from companion.flight.prediction.return_path import return_tracks, tracks_by_return_path
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
-from companion.frames import FloatArray, speed_made_good
+from companion.frames import FloatArray, density_ratio, equivalent_airspeed, speed_made_good
 from companion.mission.energy_budget import JOULES_PER_WH
 from companion.mission.path_progress import progress_on, time_at
-from companion.mission.waypoints import density_ratio
 from companion.types.events import MissionCurrent
 from companion.types.mission import MissionItem
 from companion.types.path import Path
@@ -138,7 +137,8 @@ def energy_at_ends_wh(
     model = power_model_of(state.mission)
     if model is None:
         return None
-    until_begin_j = model.power_w(ownship.airspeed_m_s) * max(float(path.times_s[0]) - ownship.stamp_s, 0.0)
+    begin_s = max(float(path.times_s[0]) - ownship.stamp_s, 0.0)
+    until_begin_j = model.power_w(reported_airspeed_m_s(state, ownship)) * begin_s
     after_j = _way_after_end_j(state, _aircraft_at(path, math.inf, ownship), model, current)
     if after_j is None:
         return None
@@ -297,6 +297,20 @@ def until_once_round(positions_enu_m: FloatArray) -> FloatArray:
     joined = int(np.argmax(away <= JOINED_SHARE * radius))
     is_round = np.abs(courses[joined:] - courses[joined]) >= 2.0 * math.pi
     return positions_enu_m[: joined + int(np.argmax(is_round)) + 2] if is_round.any() else positions_enu_m
+
+
+def reported_airspeed_m_s(state: FlightState, ownship: Ownship) -> float:
+    """Return the airspeed that the autopilot reports, by which the model of power counts [m/s].
+
+    Parameters
+    ----------
+    state : FlightState
+        Has the frame.
+    ownship : Ownship
+        The aircraft, with its true airspeed.
+    """
+    altitude_m = state.mission.frame.altitude_amsl_m + ownship.position_enu_m[2]
+    return equivalent_airspeed(ownship.airspeed_m_s, altitude_m)
 
 
 def _as_commanded(state: FlightState, path: Path) -> Path:

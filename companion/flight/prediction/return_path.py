@@ -31,10 +31,9 @@ from companion.flight.construction.mission_simulation import guidance_of
 from companion.flight.construction.way_behind import SLOWEST_M_S
 from companion.flight.construction.way_on import BY_MISSION
 from companion.flight.state.flight_state import FlightState
-from companion.frames import FloatArray, speed_made_good, wrapped_angle
+from companion.frames import FloatArray, speed_made_good, true_airspeed, wrapped_angle
 from companion.mission.list_layout import TwoBankLayout
 from companion.mission.return_bank import followed, joined_item
-from companion.mission.waypoints import true_airspeed
 from companion.types.events import MissionCurrent
 from companion.types.mission import Command, MissionItem, SlopeMin
 from companion.types.state import BY_RETURN_PATH, CLIMBS_FIRST, LANDING_AT_ONCE, Ownship

@@ -109,6 +109,8 @@ class FlightState:
         Last estimate of the velocity of the air, east and north [m/s].
     wind_std_m_s : float
         Standard deviation of that estimate [m/s].
+    coordination : float
+        Rate of turn as a share of that of a coordinated turn with the same bank.
     picture : ThreatPicture
         Threats in the last snapshot.
     flies_by : bool
@@ -149,6 +151,7 @@ class FlightState:
     tail_enu_m: tuple[float, float, float] | None = None
     wind_enu_m_s: tuple[float, float] = (0.0, 0.0)
     wind_std_m_s: float = 0.0
+    coordination: float = 1.0
     picture: ThreatPicture = field(default_factory=ThreatPicture)
     flies_by: bool = True
     settings: AutopilotSettings = field(default_factory=AutopilotSettings)
@@ -292,7 +295,7 @@ class StateOwner:
 
     def update_world(self, ownship: Ownship, picture: ThreatPicture) -> FlightState:
         """Use the present wind and threats for judging from now on; return the new state."""
-        self._state = replace(_in_wind(self._state, ownship), picture=picture)
+        self._state = replace(_in_air(self._state, ownship), picture=picture)
         return self._state
 
     def apply_to_list(
@@ -468,11 +471,16 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
     if flown is not None:
         row = progress_on(flown.path, ownship.position_enu_m, flown.row, SEARCH_ROWS).row
         flown = replace(flown, row=row)
-    after = replace(_in_wind(state, ownship), next_goal=next_goal, flown=flown)
+    after = replace(_in_air(state, ownship), next_goal=next_goal, flown=flown)
     has_others = next_goal == len(state.goals) and state.num_reached < len(state.own_goals)
     return after_goal_dropped(after) if has_others and not state.is_returning else after
 
 
-def _in_wind(state: FlightState, ownship: Ownship) -> FlightState:
-    """Return the state with the present wind."""
-    return replace(state, wind_enu_m_s=ownship.wind_enu_m_s, wind_std_m_s=ownship.wind_std_m_s)
+def _in_air(state: FlightState, ownship: Ownship) -> FlightState:
+    """Return the state with the present wind, and with how the aircraft turns."""
+    return replace(
+        state,
+        wind_enu_m_s=ownship.wind_enu_m_s,
+        wind_std_m_s=ownship.wind_std_m_s,
+        coordination=ownship.coordination,
+    )

@@ -43,7 +43,8 @@ def shortfalls(
         found.append(f"cruise {cruise:.1f} m/s EAS, autopilot at least {settings.airspeed_min_m_s:g}")
     if settings.airspeed_max_m_s and cruise > settings.airspeed_max_m_s * TOLERANCE:
         found.append(f"cruise {cruise:.1f} m/s EAS, autopilot at most {settings.airspeed_max_m_s:g}")
-    widened = vehicle_of(mission).with_bank(settings.bank_limit_rad(cruise))
+    at_cruise_rad = settings.bank_limit_rad(cruise)
+    widened = vehicle_of(mission).with_banks(at_cruise_rad, at_cruise_rad)
     horizon_m = float(mission.planning.sensing_horizon_m)
     if 2.0 * widened.turn_radius_min_m >= horizon_m:
         found.append(f"turn radius {widened.turn_radius_min_m:.0f} m, sensing horizon {horizon_m:g}")

@@ -33,6 +33,7 @@ class SteeringLaw(Struct):
     """Parameters of an autopilot's guidance.
 
     ``period``, ``damping`` of the L1 loop; ``bank_max``, ``roll_rate_max`` and ``roll_time`` of the bank;
+    ``coordination`` the rate of turn as a share of that of a coordinated turn;
     ``acceptance``, ``height_acceptance`` of a waypoint; ``waits_for_turns`` whether the distance is that of a
     right angle, and less before a lesser turn, as ArduPlane's; ``climb_rate_max``, ``sink_rate_max``;
     ``climb_slope_min`` and ``descent_slope_min`` the changes of height from which they are spread over their
@@ -44,6 +45,7 @@ class SteeringLaw(Struct):
     bank_max: float
     roll_rate_max: float
     roll_time: float
+    coordination: float
     acceptance: float
     height_acceptance: float
     waits_for_turns: bool
@@ -135,7 +137,7 @@ def moved(state: Float1D, wind: tuple[float, float], acceleration: float, law: S
     rate = max(-law.roll_rate_max, min(law.roll_rate_max, (wanted - state[4]) / max(law.roll_time, STEP)))
     bank = state[4] + rate * STEP
     v = max(state[5], SLOWEST)
-    turn = GRAVITY * math.tan(0.5 * (state[4] + bank)) / v * STEP
+    turn = law.coordination * GRAVITY * math.tan(0.5 * (state[4] + bank)) / v * STEP
     middle = state[3] + 0.5 * turn
     state[0] += (v * math.sin(middle) + wind[0]) * STEP
     state[1] += (v * math.cos(middle) + wind[1]) * STEP

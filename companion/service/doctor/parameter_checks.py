@@ -18,7 +18,6 @@ from companion.service.doctor.failsafe_checks import ARDUPLANE_FAILSAFES, PX4_FA
 from companion.service.doctor.finding import Finding, fail, ok, warn
 from companion.types.events import Dialect
 from companion.types.state import (
-    AIRSPEED_IN_TURNS,
     BY_RETURN_PATH,
     LANDING_AT_ONCE,
     RETURNS_OVER_GROUND,
@@ -261,7 +260,7 @@ def _banks(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig
         return [ok("bank", found)]
     advice = f"set {BANKS[dialect][0]} {asked:g}"
     if limit * TOLERANCE >= asked:
-        enough = AIRSPEED_IN_TURNS * cruise * math.sqrt(math.cos(math.radians(asked)))
+        enough = cruise * math.sqrt(math.cos(math.radians(asked)))
         advice = f"set AIRSPEED_MIN {math.floor(enough)} or less, if the aircraft flies safely with it"
     return [warn("bank", found, f"{advice}: otherwise turns are wider than the mission file allows")]
 

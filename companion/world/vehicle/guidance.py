@@ -65,6 +65,8 @@ class Guidance:
         Radius of circles that name none: WP_LOITER_RAD or NAV_LOITER_RAD, positive clockwise [m].
     roll_time_s : float
         Time constant with which the bank follows its command [s].
+    coordination : float
+        Rate of turn as a share of that of a coordinated turn with the same bank.
     climb_rate_max_m_s, sink_rate_max_m_s : float
         Largest rates of climb and descent [m/s].
     height_acceptance_m : float
@@ -90,6 +92,7 @@ class Guidance:
     acceptance_radius_m: float
     loiter_radius_m: float
     roll_time_s: float = ROLL_TIME_S
+    coordination: float = 1.0
     climb_rate_max_m_s: float = 5.0
     sink_rate_max_m_s: float = 5.0
     height_acceptance_m: float = UNLIMITED_M
@@ -102,7 +105,7 @@ class Guidance:
     def __post_init__(self) -> None:
         positive = (
             self.l1_period_s, self.l1_damping, self.bank_max_rad, self.roll_rate_max_rad_s, self.roll_time_s,
-            self.climb_rate_max_m_s, self.sink_rate_max_m_s,
+            self.climb_rate_max_m_s, self.sink_rate_max_m_s, self.coordination,
         )  # fmt: skip
         if not min(positive) > 0.0 or not self.bank_max_rad < 0.5 * math.pi:
             raise ValueError("period, damping, rates and the bank count from above zero")
@@ -115,6 +118,7 @@ class Guidance:
             bank_max=self.bank_max_rad,
             roll_rate_max=self.roll_rate_max_rad_s,
             roll_time=self.roll_time_s,
+            coordination=self.coordination,
             acceptance=self.circle_stretch * self.acceptance_radius_m,
             height_acceptance=self.height_acceptance_m,
             waits_for_turns=self.flies_by,

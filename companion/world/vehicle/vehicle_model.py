@@ -53,14 +53,12 @@ class VehicleModel:
         """Return the aircraft with these largest rates of climb and descent [m/s]."""
         return replace(self, climb_rate_max_m_s=climb_m_s, sink_rate_max_m_s=sink_m_s)._flattened()
 
-    def with_bank(self, bank_rad: float) -> VehicleModel:
-        """Return the aircraft with this largest bank [rad] and no turn at cruise that needs more of it."""
-        if not bank_rad < 0.5 * math.pi:
-            return self
-        tightest = self.airspeed_cruise_m_s**2 / (GRAVITY_M_S2 * math.tan(bank_rad))
+    def with_banks(self, most_rad: float, at_cruise_rad: float) -> VehicleModel:
+        """Return the aircraft with a largest bank, and one for turns at cruise [rad]."""
+        tightest = self.airspeed_cruise_m_s**2 / (GRAVITY_M_S2 * math.tan(at_cruise_rad))
         return replace(
             self,
-            bank_max_rad=min(self.bank_max_rad, bank_rad),
+            bank_max_rad=min(self.bank_max_rad, most_rad),
             turn_radius_min_m=max(self.turn_radius_min_m, tightest),
         )
 

@@ -81,13 +81,11 @@ def test_plans_climb_and_descend_no_faster_than_the_autopilot(told, climb_deg, d
         ({}, 40.0, 125.0),
         ({"bank_max_deg": 30.0}, 30.0, 125.0),
         ({"bank_max_deg": 20.0}, 20.0, 175.1),  # 625 / (9.80665 * tan 20 deg)
-        # 25 m/s are 24.19 m/s of equivalent airspeed at 684 m. cos = (22 / 23.70)^2, for 2 % less than that
-        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 1.0}, 30.51, 125.0),
-        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 0.0}, 40.0, 125.0),
-        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0}, 40.0, 125.0),
-        # 19.7 degrees by that rule; 25 in any case
-        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 23.0, "stall_prevention": 1.0}, 25.0, 136.7),
-        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 26.0, "stall_prevention": 1.0}, 25.0, 136.7),
+        # Stall prevention limits the bank at cruise only. The least of its limits, 32 degrees, is enough for
+        # 625 / (9.80665 * tan 32 deg) = 102 m.
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 22.0, "stall_prevention": 1.0}, 40.0, 125.0),
+        ({"bank_max_deg": 50.0, "airspeed_min_m_s": 26.0, "stall_prevention": 1.0}, 40.0, 125.0),
+        ({"bank_max_deg": 20.0, "airspeed_min_m_s": 23.0, "stall_prevention": 1.0}, 20.0, 175.1),
     ],
 )
 def test_plans_turn_no_tighter_than_the_autopilot(told, bank_deg, radius_m):
@@ -95,6 +93,31 @@ def test_plans_turn_no_tighter_than_the_autopilot(told, bank_deg, radius_m):
     for limits in (rules.vehicle, rules.checker.limits):
         assert math.degrees(limits.bank_max_rad) == pytest.approx(bank_deg, abs=0.01)
         assert limits.turn_radius_min_m == pytest.approx(radius_m, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("told", "bank_deg"),
+    [
+        ({}, 80.0),
+        ({"bank_max_deg": 120.0}, 80.0),
+        ({"bank_max_deg": 45.0}, 45.0),
+        ({"bank_max_deg": 45.0, "airspeed_min_m_s": 22.0}, 45.0),
+        ({"bank_max_deg": 45.0, "airspeed_min_m_s": 22.0, "stall_prevention": 0.0}, 45.0),
+        (
+            {"bank_max_deg": 45.0, "airspeed_min_m_s": 22.0, "stall_prevention": 1.0},
+            34.26,
+        ),  # cos = (22 / 24.2)^2
+        ({"bank_max_deg": 30.0, "airspeed_min_m_s": 22.0, "stall_prevention": 1.0}, 30.0),
+        (
+            {"bank_max_deg": 45.0, "airspeed_min_m_s": 23.0, "stall_prevention": 1.0},
+            32.0,
+        ),  # 25.4 by that rule
+        ({"bank_max_deg": 45.0, "airspeed_min_m_s": 26.0, "stall_prevention": 1.0}, 32.0),
+    ],
+)
+def test_the_largest_bank_at_an_airspeed(told, bank_deg):
+    found = AutopilotSettings(**told).bank_limit_rad(24.2)
+    assert math.degrees(found) == pytest.approx(bank_deg, abs=0.01)
 
 
 def test_what_was_told_is_what_tracks_are_foreseen_by():
@@ -111,7 +134,10 @@ def test_what_was_told_is_what_tracks_are_foreseen_by():
     slow = after_settings_reported(
         first_state(MISSION, 0.0), replace(told, stall_prevention=1.0, airspeed_min_m_s=22.0)
     )
-    assert math.degrees(guidance_of(slow).bank_max_rad) == pytest.approx(30.51, abs=0.01)
+    assert math.degrees(guidance_of(slow).bank_max_rad) == pytest.approx(34.17, abs=0.01)
+    assert math.degrees(guidance_of(slow, 31.0).bank_max_rad) == pytest.approx(
+        35.0
+    )  # ROLL_LIMIT_DEG; 57 by that rule
     untold = guidance_of(first_state(MISSION, 0.0))
     assert untold.acceptance_radius_m == 50.0
 

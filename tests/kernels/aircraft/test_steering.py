@@ -15,7 +15,9 @@ from companion.kernels.aircraft.steering import (
 from companion.kernels.arrays import FollowedGround
 from companion.world.vehicle.guidance import NO_FOLLOWED_GROUND
 
-LAW = SteeringLaw(17.0, 0.75, math.radians(50.0), 1.0, 0.5, 50.0, 1e6, False, 5.0, 5.0, 0.0, 0.0, 0.0, 0.0)
+LAW = SteeringLaw(
+    17.0, 0.75, math.radians(50.0), 1.0, 0.5, 1.0, 50.0, 1e6, False, 5.0, 5.0, 0.0, 0.0, 0.0, 0.0
+)
 BEGIN, END = np.array([0.0, 0.0, 100.0]), np.array([0.0, 1000.0, 130.0])
 CIRCLE = np.array([0.0, 0.0, 100.0, 125.0])
 

@@ -86,8 +86,8 @@ def test_a_climb_rate_that_is_not_reported_is_told():
     [
         (Dialect.ARDUPILOT, {}, OK, "50° at 24.2 m/s EAS"),
         (Dialect.ARDUPILOT, {"ROLL_LIMIT_DEG": 30.0}, WARN, "30° at 24.2 m/s EAS set ROLL_LIMIT_DEG 40:"),
-        # cos = (22 / 23.7)^2: 30.5 degrees. 40 degrees need 23.7 * sqrt(cos 40 deg) = 20.7.
-        (Dialect.ARDUPILOT, {"AIRSPEED_MIN": 22.0}, WARN, "31° at 24.2 m/s EAS set AIRSPEED_MIN 20 or less"),
+        # cos = (22 / 24.19)^2: 34.2 degrees. 40 degrees need 24.19 * sqrt(cos 40 deg) = 21.2.
+        (Dialect.ARDUPILOT, {"AIRSPEED_MIN": 22.0}, WARN, "34° at 24.2 m/s EAS set AIRSPEED_MIN 21 or less"),
         (Dialect.ARDUPILOT, {"AIRSPEED_MIN": 23.0, "STALL_PREVENTION": 0.0}, OK, "50°"),
         (Dialect.PX4, {"FW_R_LIM": 30.0}, WARN, "set FW_R_LIM 40: otherwise turns are wider"),
     ],

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from companion.config.compose import vehicle_of
-from companion.mission.waypoints import density_ratio
+from companion.frames import density_ratio
 from companion.types.events import Dialect
 from companion.types.mission import Command, MavFrame, MissionItem
 from companion.types.state import AutopilotSettings, Ownship
@@ -48,10 +48,16 @@ CORNERS = (
 )  # fmt: skip
 
 
-def test_a_real_arduplane_flies_round_corners_as_foreseen():
-    """Beside its recorded flight; with corners turned at WP_RADIUS the track is 20 m off in 95 %."""
+@pytest.mark.parametrize(("coordination", "off_m"), [(0.75, (0.0, 5.0)), (1.0, (8.0, 12.0))])
+def test_a_real_arduplane_flies_round_corners_as_foreseen(coordination, off_m):
+    """Beside its recorded flight: the distance from the track in 95 %. It slips in turns.
+
+    With corners turned at WP_RADIUS the track is 20 m off in 95 %.
+    """
     flown = np.loadtxt(DATA / "arduplane-4.8dev-corners.csv", delimiter=",", skiprows=3)
-    guidance = replace(L1, l1_period_s=15.0, circle_stretch=1.0 / density_ratio(684.0))
+    guidance = replace(
+        L1, l1_period_s=15.0, circle_stretch=1.0 / density_ratio(684.0), coordination=coordination
+    )
     targets = np.array([(*place, 100.0) for place in CORNERS])
     track = track_of_legs(
         guidance, ownship((-0.1, 3.6, 100.0), airspeed=23.5), targets,
@@ -59,7 +65,7 @@ def test_a_real_arduplane_flies_round_corners_as_foreseen():
     )  # fmt: skip
     off = shapely.distance(shapely.linestrings(track.positions_enu_m[:, :2]), shapely.points(flown[:, 1:]))
     assert np.median(off) < 2.0
-    assert np.percentile(off, 95.0) < 12.0
+    assert off_m[0] < np.percentile(off, 95.0) < off_m[1]
 
 
 CORNERS_NEAR_STALL = (
@@ -69,14 +75,16 @@ CORNERS_NEAR_STALL = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("prevention", "off_m"), [(1.0, (0.0, 15.0)), (0.0, (30.0, 50.0))])
-def test_a_real_arduplane_that_stall_prevention_limits_flies_as_foreseen(prevention, off_m):
-    """Beside its recorded flight: the distance from the track in 95 %, and that without the limit."""
+@pytest.mark.parametrize(
+    ("prevention", "coordination", "off_m"), [(1.0, 0.75, 12.0), (0.0, 0.75, 30.0), (0.0, 1.0, 42.0)]
+)
+def test_a_real_arduplane_that_stall_prevention_limits_flies_as_foreseen(prevention, coordination, off_m):
+    """Beside its recorded flight: the distance from the track in 95 %, and that without what is known."""
     flown = np.loadtxt(DATA / "arduplane-4.8dev-near-stall.csv", delimiter=",", skiprows=3)
     told = AutopilotSettings(bank_max_deg=45.0, airspeed_min_m_s=23.0, stall_prevention=prevention)
     guidance = replace(
         L1, l1_period_s=15.0, acceptance_radius_m=100.0, circle_stretch=1.0 / density_ratio(684.0),
-        bank_max_rad=told.bank_limit_rad(24.2),
+        bank_max_rad=told.bank_limit_rad(24.2), coordination=coordination,
     )  # fmt: skip
     track = track_of_legs(
         guidance, ownship((-0.1, 0.9, 100.0), airspeed=25.8),
@@ -84,7 +92,7 @@ def test_a_real_arduplane_that_stall_prevention_limits_flies_as_foreseen(prevent
         before_enu_m=np.array([0.0, 0.0, 100.0]), ends_s=float(flown[-1, 0]),
     )  # fmt: skip
     off = shapely.distance(shapely.linestrings(track.positions_enu_m[:, :2]), shapely.points(flown[:, 1:]))
-    assert off_m[0] < np.percentile(off, 95.0) < off_m[1]
+    assert 0.7 * off_m < np.percentile(off, 95.0) < off_m
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
