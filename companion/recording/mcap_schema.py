@@ -77,7 +77,7 @@ CHANNELS = (
         {
             "position_enu_m": NUMBERS, "course_rad": NUMBER, "flight_path_angle_rad": NUMBER,
             "airspeed_m_s": NUMBER, "ground_speed_m_s": NUMBER, "wind_enu_m_s": NUMBERS,
-            "position_std_m": NUMBERS, "bank_rad": NUMBER, "wind_std_m_s": NUMBER,
+            "position_std_m": NUMBERS, "bank_rad": NUMBER, "wind_std_m_s": NUMBER, "coordination": NUMBER,
         },
     ),
     Channel(

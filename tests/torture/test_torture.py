@@ -232,7 +232,7 @@ def test_the_judge_sees_a_mode_that_changed_by_itself():
 
 def test_the_judge_flies_at_the_speed_to_come_too(monkeypatch):
     """Where less is commanded, at its own only until that is reached; where more, all the way at both."""
-    _, harness = fly(Dialect.ARDUPILOT, 2, Schedule(), duration_s=20.0)
+    _, harness = fly(Dialect.ARDUPILOT, 5, Schedule(), duration_s=20.0)
     judge = harness.judge
     assert judge._commanded() == (0, pytest.approx(25.0, abs=0.5))
     way = judge._way()

@@ -200,11 +200,11 @@ def test_behind_the_goal_the_operators_landing_counts_in_place_of_home():
 
 
 def test_of_a_plan_what_is_left_at_its_end_and_at_home():
-    """The path begins in 10 s, until when the aircraft flies at 25 m/s."""
+    """The path begins in 10 s, until when the aircraft flies at 25 m/s, as on the path."""
     flown, now = flight(left_wh=50.0)
     path = replace(straight(), times_s=straight().times_s - straight().times_s[0] + 60.0)
     at_end_wh, at_home_wh = energy_at_ends_wh(flown, state(stamp=50.0), path, None, now)
-    assert at_end_wh == pytest.approx(50.0 - 10.0 / 9.0 - 60.0 * PATH_WH_S, abs=0.001)
+    assert at_end_wh == pytest.approx(50.0 - 70.0 * PATH_WH_S, abs=0.001)
     assert at_home_wh == pytest.approx(at_end_wh - 1.3 * 60.0 / 9.0, abs=0.001)
 
 

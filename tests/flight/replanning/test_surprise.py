@@ -28,7 +28,7 @@ LONG = (
 CHANGED_S, AHEAD_M = 20.0, 600.0  # just after a plan
 PERIOD_S = 0.5
 QUICK_S = 0.1
-WHILE_SEARCHING, WHILE_WAITING = 99, 118  # Seeds: a search is under way, a mission waits.
+WHILE_SEARCHING, WHILE_WAITING = 99, 24  # Seeds: a search is under way, a mission waits.
 
 
 def ahead(harness):

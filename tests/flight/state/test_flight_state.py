@@ -176,7 +176,7 @@ def test_goals_passed_and_the_way_along_the_path_never_go_back(places):
         after = after_position(state, Ownship(stamp_s, (east, north, 100.0), 0.0, 0.0, 25.0, 25.0))
         assert after.next_goal >= state.next_goal
         assert after.flown.row >= state.flown.row
-        assert changed(state, after) <= {"next_goal", "flown", "wind_enu_m_s", "wind_std_m_s"}
+        assert changed(state, after) <= {"next_goal", "flown", "wind_enu_m_s", "wind_std_m_s", "coordination"}
         state = after
 
 
