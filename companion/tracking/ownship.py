@@ -38,6 +38,7 @@ COORDINATED_RAD = math.radians(15.0), math.radians(60.0)  # Turns with other ban
 EXPECTED_S = 10.0 * math.tan(math.radians(25.0)) ** 2
 TURNS_KEPT_S = 120.0  # Older turns count less: by a factor of e for so much time in turns.
 COORDINATION_MIN = 0.5  # A lower estimate is not believed.
+FLYING_MIN_M_S = 8.0  # A slower aircraft may stand on a slope.
 
 Observed = TypeVar("Observed", GlobalPosition, AirData, Attitude, WindEstimate)
 
@@ -100,7 +101,7 @@ class CoordinationEstimate:
         """
         before, self._before = self._before, attitude
         step_s = 0.0 if before is None else attitude.stamp_s - before.stamp_s
-        if before is None or not 0.0 < step_s <= TURN_COMPARED_S:
+        if before is None or not 0.0 < step_s <= TURN_COMPARED_S or true_airspeed_m_s < FLYING_MIN_M_S:
             return
         banks = before.bank_rad, attitude.bank_rad
         least, most = sorted(map(abs, banks))

@@ -45,6 +45,13 @@ def test_what_was_flown_long_ago_counts_less():
     assert flown(0.9, 35.0, 240.0, begin_s=1000.0, estimate=before).share == pytest.approx(0.89, abs=0.01)
 
 
+def test_an_aircraft_that_stands_on_a_slope_does_not_turn():
+    estimate = CoordinationEstimate()
+    for k in range(1000):
+        estimate.note(Attitude(0.2 * k, math.radians(20.0), 0.0, 1.0), 3.0)
+    assert estimate.share == 1.0
+
+
 def test_gaps_and_changes_of_side_do_not_count():
     assert flown(0.7, 30.0, 60.0, step_s=2.0).share == 1.0
     estimate = CoordinationEstimate()
