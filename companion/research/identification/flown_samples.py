@@ -12,7 +12,7 @@ import numpy as np
 
 from companion.config import MissionConfig, load_mission, mission_from_text
 from companion.errors import RecordError
-from companion.frames import FloatArray, LocalFrame, wrapped_angle
+from companion.frames import FloatArray, LocalFrame, true_airspeed, wrapped_angle
 from companion.link.messages.codec import Codec
 from companion.link.wire.framing import RawFrame
 from companion.mission.path_progress import MIN_ROWS, Progress, progress_on, time_at
@@ -170,8 +170,9 @@ class _Reports:
                 place = self.frame.local_from_global(
                     event.latitude_deg, event.longitude_deg, event.altitude_amsl_m
                 )
+                airspeed_m_s = true_airspeed(self._airspeed_m_s, event.altitude_amsl_m)
                 self.positions.append(
-                    [event.stamp_s, event.boot_s, *place, *event.velocity_enu_m_s, self._airspeed_m_s]
+                    [event.stamp_s, event.boot_s, *place, *event.velocity_enu_m_s, airspeed_m_s]
                 )
 
     def _note_fix(self, frame: RawFrame) -> None:
