@@ -17,6 +17,7 @@ from companion.mission.glide.landing_choice import LandingPlace, Place
 from companion.planning.comparators import Certainty
 from companion.planning.problem import GoalRegion
 from companion.planning.settings import PlannerSettings, settings_for
+from companion.types.state import AutopilotSettings
 from companion.world.snapshot import Snapshot, first_snapshot
 from companion.world.vehicle.energy import PowerModel, level_power_range
 from companion.world.vehicle.glide import GlideModel
@@ -26,10 +27,24 @@ ALTITUDE_TOLERANCE_M = 20.0
 HOME_RADIUS_M = 60.0  # Home and rally points name no radius in which to come down.
 
 
-def equivalent_cruise_m_s(mission: MissionConfig) -> float:
-    """Return the cruise airspeed as an autopilot measures it: equivalent, at the start's height [m/s]."""
-    altitude_m = float(mission.origin.altitude_amsl_m) + float(mission.start.up_m)
-    return equivalent_airspeed(float(mission.vehicle.airspeed_cruise_m_s), altitude_m)
+def start_altitude_m(mission: MissionConfig) -> float:
+    """Return the height of the start above mean sea level [m]."""
+    return float(mission.origin.altitude_amsl_m) + float(mission.start.up_m)
+
+
+def measured_airspeed_m_s(mission: MissionConfig, true_airspeed_m_s: float | None = None) -> float:
+    """Return a true airspeed as an autopilot measures it: equivalent, at the start's height [m/s].
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    true_airspeed_m_s : float, optional
+        By default that of cruise [m/s].
+    """
+    return equivalent_airspeed(
+        true_airspeed_m_s or float(mission.vehicle.airspeed_cruise_m_s), start_altitude_m(mission)
+    )
 
 
 def vehicle_of(mission: MissionConfig) -> VehicleModel:
@@ -217,6 +232,24 @@ def exposure_of(mission: MissionConfig) -> Exposure:
         is_plane=mission.dimension == 2,
     )
     return Exposure(mission.obstacle_list, bounds_of(mission), model, ground_heights_of(mission))
+
+
+def vehicle_within(mission: MissionConfig, reported: AutopilotSettings) -> VehicleModel:
+    """Return the planner's model of the aircraft within the autopilot's limits, as far as they are known.
+
+    Parameters
+    ----------
+    mission : MissionConfig
+        The mission file.
+    reported : AutopilotSettings
+        Settings of the autopilot.
+    """
+    at_cruise_rad = reported.bank_limit_rad(measured_airspeed_m_s(mission))
+    vehicle = vehicle_of(mission).with_banks(reported.bank_limit_rad(math.inf), at_cruise_rad)
+    if reported.airspeed_max_m_s:
+        fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
+        vehicle = replace(vehicle, airspeed_fast_m_s=fast)
+    return vehicle.with_rates(reported.climb_rate_max_m_s, reported.sink_rate_max_m_s)
 
 
 def check_limits_of(mission: MissionConfig, vehicle: VehicleModel | None = None) -> CheckLimits:

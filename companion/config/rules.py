@@ -11,13 +11,12 @@ from companion.assurance.checker import Checker
 from companion.assurance.exposure import Exposure
 from companion.config.compose import (
     check_limits_of,
-    equivalent_cruise_m_s,
     exposure_of,
     glide_model_of,
     goals_of,
     landing_places_of,
     planner_settings_of,
-    vehicle_of,
+    vehicle_within,
 )
 from companion.config.models import MissionConfig
 from companion.config.sections.terrain_map import ground_heights_of
@@ -125,13 +124,7 @@ def rules_of(
     reported : AutopilotSettings, optional
         Settings of the autopilot, whose limits of bank, airspeed, climb and descent the rules never exceed.
     """
-    vehicle, reported = vehicle_of(mission), reported or AutopilotSettings()
-    at_cruise_rad = reported.bank_limit_rad(equivalent_cruise_m_s(mission))
-    vehicle = vehicle.with_banks(reported.bank_limit_rad(math.inf), at_cruise_rad)
-    if reported.airspeed_max_m_s:
-        fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
-        vehicle = replace(vehicle, airspeed_fast_m_s=fast)
-    vehicle = vehicle.with_rates(reported.climb_rate_max_m_s, reported.sink_rate_max_m_s)
+    vehicle = vehicle_within(mission, reported or AutopilotSettings())
     limits = check_limits_of(mission, vehicle)
     settings, exposure = planner_settings_of(mission), exposure_of(mission)
     obstacles = (*mission.obstacle_list, *fences)

@@ -249,6 +249,7 @@ class Flight:
         else:
             turn = self.lateral.circle(estimate, steering.centre, steering.radius_m, steering.direction)
             output.bank_rad = bank_for(turn, limit)
+        airspeed_m_s = self._prevent_stall(estimate)
         limits = self.energy.limits
         limits.climb_m_s, limits.sink_m_s = parameters.climb_rates_m_s
         limits.pitch_max_rad = math.radians(parameters["PTCH_LIM_MAX_DEG"])
@@ -256,7 +257,7 @@ class Flight:
         limits.airspeed_min_m_s = parameters["AIRSPEED_MIN"]
         height = self.target_height_m() if climb is None else climb.target_m
         output.pitch_rad, output.throttle = self.energy.update(
-            estimate, height, self._prevent_stall(estimate), has_thrust=self.has_thrust,
+            estimate, height, airspeed_m_s, has_thrust=self.has_thrust,
             speed_share=self._speed_share(steering),
         )  # fmt: skip
         output.bearing_rad = self.lateral.bearing_rad

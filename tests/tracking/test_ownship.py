@@ -69,9 +69,8 @@ def test_airspeed_not_heard_is_ground_velocity_less_wind(estimator):
     estimator.observe(WindEstimate(10.0, 0.0, -5.0))  # headwind: air moves south
     assert estimator.state(10.0).airspeed_m_s == pytest.approx(25.0)
     estimator.observe(AirData(10.0, 24.0, 20.0))
-    assert estimator.state(10.0).airspeed_m_s == pytest.approx(
-        24.747, abs=1e-3
-    )  # At 634 m: 24 / sqrt(0.9405)
+    # 24 m/s of equivalent airspeed at 634 m: 24 / sqrt(0.9405)
+    assert estimator.state(10.0).airspeed_m_s == pytest.approx(24.747, abs=1e-3)
     estimator.observe(position(14.0, velocity=(0.0, 20.0, 0.0)))
     assert estimator.state(14.0).airspeed_m_s == pytest.approx(25.0), "VFR_HUD has grown old"
 

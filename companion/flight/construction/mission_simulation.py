@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.assurance.violation import Violation
-from companion.config.compose import equivalent_cruise_m_s
+from companion.config.compose import measured_airspeed_m_s, start_altitude_m
 from companion.config.sections.terrain_map import autopilot_ground_of
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray, density_ratio, speed_made_good
@@ -105,9 +105,8 @@ def guidance_of(state: FlightState, airspeed_m_s: float | None = None) -> Guidan
         True airspeed of the turns, on which the largest bank may depend; by default that of cruise [m/s].
     """
     usual = default_guidance(flies_by=state.flies_by, vehicle=state.rules.vehicle)
-    settings, cruise_m_s = state.settings, state.rules.vehicle.airspeed_cruise_m_s
-    measured_m_s = (airspeed_m_s or cruise_m_s) / cruise_m_s * equivalent_cruise_m_s(state.mission)
-    bank = settings.bank_limit_rad(measured_m_s)
+    settings = state.settings
+    bank = settings.bank_limit_rad(measured_airspeed_m_s(state.mission, airspeed_m_s))
     return replace(
         usual,
         acceptance_radius_m=settings.acceptance_radius_m or usual.acceptance_radius_m,
@@ -185,9 +184,7 @@ def circle_stretch(state: FlightState) -> float:
     state : FlightState
         Which autopilot, and the mission's heights.
     """
-    mission = state.mission
-    altitude = float(mission.origin.altitude_amsl_m) + float(mission.start.up_m)
-    return 1.0 / density_ratio(altitude) if state.flies_by else 1.0
+    return 1.0 / density_ratio(start_altitude_m(state.mission)) if state.flies_by else 1.0
 
 
 def at_start(path: Path, wind_enu_m_s: tuple[float, float]) -> Ownship:

@@ -18,7 +18,7 @@ import numpy as np
 from companion.config.compose import power_model_of
 from companion.flight.prediction.return_path import return_tracks, tracks_by_return_path
 from companion.flight.state.flight_state import SEARCH_ROWS, FlightState
-from companion.frames import FloatArray, density_ratio, equivalent_airspeed, speed_made_good
+from companion.frames import FloatArray, equivalent_airspeed, speed_made_good
 from companion.mission.energy_budget import JOULES_PER_WH
 from companion.mission.path_progress import progress_on, time_at
 from companion.types.events import MissionCurrent
@@ -319,7 +319,7 @@ def _as_commanded(state: FlightState, path: Path) -> Path:
     A path has true airspeeds. In thin air they are higher.
     """
     altitude_m = state.mission.frame.altitude_amsl_m + float(path.positions_enu_m[:, 2].mean())
-    return replace(path, speeds_m_s=math.sqrt(density_ratio(altitude_m)) * path.speeds_m_s)
+    return replace(path, speeds_m_s=equivalent_airspeed(1.0, altitude_m) * path.speeds_m_s)
 
 
 def _time_on_path(state: FlightState, ownship: Ownship) -> float:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from companion.config import MissionConfig
-from companion.config.compose import equivalent_cruise_m_s, vehicle_of
+from companion.config.compose import measured_airspeed_m_s, vehicle_within
 from companion.config.sections.terrain_map import ground_heights_of
 from companion.types.state import AutopilotSettings
 
@@ -37,17 +37,16 @@ def shortfalls(
     flies_by : bool
         Whether the autopilot turns before a waypoint, as ArduPlane does.
     """
-    cruise = equivalent_cruise_m_s(mission)
+    cruise = measured_airspeed_m_s(mission)
     found = []
     if settings.airspeed_min_m_s and cruise * TOLERANCE < settings.airspeed_min_m_s:
         found.append(f"cruise {cruise:.1f} m/s EAS, autopilot at least {settings.airspeed_min_m_s:g}")
     if settings.airspeed_max_m_s and cruise > settings.airspeed_max_m_s * TOLERANCE:
         found.append(f"cruise {cruise:.1f} m/s EAS, autopilot at most {settings.airspeed_max_m_s:g}")
-    at_cruise_rad = settings.bank_limit_rad(cruise)
-    widened = vehicle_of(mission).with_banks(at_cruise_rad, at_cruise_rad)
+    radius_m = vehicle_within(mission, settings).turn_radius_min_m
     horizon_m = float(mission.planning.sensing_horizon_m)
-    if 2.0 * widened.turn_radius_min_m >= horizon_m:
-        found.append(f"turn radius {widened.turn_radius_min_m:.0f} m, sensing horizon {horizon_m:g}")
+    if 2.0 * radius_m >= horizon_m:
+        found.append(f"turn radius {radius_m:.0f} m, sensing horizon {horizon_m:g}")
     if settings.height_offset_m:
         found.append(f"ALT_OFFSET {settings.height_offset_m:g}: must be 0")
     if settings.passing_max_m:

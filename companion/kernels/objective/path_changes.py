@@ -15,8 +15,8 @@ from companion.kernels.workspace import PathRows
 # detour, which may replace all. The others are uniform in [0, 1): they give the first row, the number of
 # rows, and for a detour how near to the start it begins, the row that it leads past, how far away, whether
 # above or below, and to which of the two sides.
-WIDTH, FIRST, NUM, EARLY, PAST, FAR, VERTICAL, SIDE = range(8)
 DRAWS = 8
+WIDTH, FIRST, NUM, EARLY, PAST, FAR, VERTICAL, SIDE = range(DRAWS)
 ROWS_MIN = 4  # A path with fewer rows is not changed.
 ASIDE = 0.5  # A detour is no wider than this share of its length: 27° to one side.
 LEAST_GAIN_S = 1e-9  # A change that lowers J by less than this is none.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from companion.config import MissionConfig
-from companion.config.compose import equivalent_cruise_m_s
+from companion.config.compose import measured_airspeed_m_s
 from companion.flight.takeover.capability import TOLERANCE
 from companion.link.wire.decoded_frame import AutopilotVersion
 from companion.mission.waypoints import FLY_BY_M
@@ -218,7 +218,7 @@ def _speeds(dialect: Dialect, values: Mapping[str, float], mission: MissionConfi
     found, vehicle = f"{slow:g} to {fast:g} m/s, cruise {cruise:g}", mission.vehicle
     wanted = f"{vehicle.airspeed_min_m_s:g} to {vehicle.airspeed_max_m_s:g}, {vehicle.airspeed_cruise_m_s:g}"
     advice = f"let vehicle.airspeed_* of the mission file ({wanted}) and the autopilot agree"
-    if not slow <= equivalent_cruise_m_s(mission) <= fast:
+    if not slow <= measured_airspeed_m_s(mission) <= fast:
         return [fail("airspeeds", found, f"{advice}: it cannot fly so")]
     return [ok("airspeeds", found)]
 
@@ -250,7 +250,7 @@ def _banks(dialect: Dialect, values: Mapping[str, float], mission: MissionConfig
     missing = [name for name in BANKS[dialect] if name not in values]
     if missing:
         return [_not_reported(name) for name in missing]
-    cruise, asked = equivalent_cruise_m_s(mission), float(mission.vehicle.bank_max_deg)
+    cruise, asked = measured_airspeed_m_s(mission), float(mission.vehicle.bank_max_deg)
     limit, *others = (values[name] for name in BANKS[dialect])
     slowest, prevention = others or (None, None)
     reported = AutopilotSettings(bank_max_deg=limit, airspeed_min_m_s=slowest, stall_prevention=prevention)
