@@ -11,8 +11,8 @@ if a turn begins or ends between them. Three rules follow:
 - *Clearance* is measured from the chord, less the largest distance of the curve from the chord. For a curve
   of length ``L`` that turns one way by ``Δ``, nowhere tighter than ``r``, that distance is largest with the
   whole turn in the middle: ``L·Δ/4 − r·Δ²/8``. For an arc from end to end it is ``L·Δ/8``.
-- *Turn radius* is the mean of the edge: length over course change. Chord and courses have to agree, so a path
-  cannot hide a turn by stating courses that it does not fly.
+- *Turn radius* is the mean of the edge: length over course change. No path hides a turn by stating courses
+  that it does not fly: chords leave the mean course no farther than with the whole turn at one end, at ``r``.
 - *Straight flight* between turns is the sum of the edges without course change, and of the part of the two
   adjacent edges that a turn at the smallest radius does not need. At most one edge length of these parts
   counts: that is the uncertainty of sampling.
@@ -40,6 +40,7 @@ from companion.assurance.edges import (
     edges_of,
     goal_violations,
     straight_violations,
+    turn_violations,
 )
 from companion.assurance.exposure import Exposure
 from companion.assurance.ground_speeds import GroundSpeeds, Wind, ground_speeds, slope_over_ground, tailwinds
@@ -58,7 +59,6 @@ POINT_TOLERANCE_M = 0.01  # Rounding of positions, against bounds and goals.
 BULGE_TOLERANCE_M = 2.0  # An arc between two rows inside the bounds may pass the bounds by this much.
 SPEED_TOLERANCE_M_S = 0.01  # Rounding of airspeeds.
 CLIMB_TOLERANCE_RAD = math.radians(0.1)  # Rounding of climb angles.
-COURSE_TOLERANCE_RAD = 0.02  # An edge's chord and its courses may differ by this much.
 RATIO_TOLERANCE = 0.02  # Relative tolerance of radii, and of lengths against speeds.
 CORNER_TOLERANCE = 0.15  # Relative; waypoints on an arc lie closer together than its tangents meet.
 CORNER_MIN_RAD = 0.05  # The arc of a smaller corner is not checked apart from its legs.
@@ -232,16 +232,9 @@ class Checker:
         yield from violated(
             "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
         )
-        turns = np.abs(edges.turns_rad)
-        allowed = 0.5 * turns + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
-        disagrees = ahead & (np.abs(edges.offsets_rad) > allowed)
-        yield from violated("course", rows, disagrees, np.abs(edges.offsets_rad), allowed,
-                           "courses do not agree with positions [rad]")  # fmt: skip
-        radii = edges.lengths_m / np.maximum(turns, 1e-12)
         banked = speeds.fastest_m_s**2 / (GRAVITY_M_S2 * math.tan(limits.bank_max_rad))
         smallest = np.maximum(limits.turn_radius_min_m, banked * speeds.is_windy)
-        tight = ahead & (turns > 1e-6) & ~(radii >= smallest * (1.0 - RATIO_TOLERANCE))
-        yield from violated("turn_radius", rows, tight, radii, smallest, "turn radius [m]")
+        yield from turn_violations(edges, ahead, smallest, RATIO_TOLERANCE)
         angles = np.arctan2(edges.rises_m, edges.lengths_m)
         airspeeds = 0.5 * (path.speeds_m_s[:-1] + path.speeds_m_s[1:])
         gained = speeds.fastest_m_s - speeds.level_m_s

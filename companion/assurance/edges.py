@@ -23,6 +23,7 @@ BoolArray = NDArray[np.bool_]
 GOAL_TOLERANCE_M = 0.01  # Rounding of positions.
 SPEED_JOIN_M_S = 0.15  # Rows of one path that were planned separately may differ by this airspeed.
 SLOWING_M_S2 = 1.0  # The aircraft may slow down this fast: closing the throttle acts sooner than opening it.
+COURSE_TOLERANCE_RAD = 0.02  # An edge's chord and its courses may differ by this much.
 STRAIGHT_COURSE_RAD = 1e-3  # An edge with a smaller course change is straight.
 
 
@@ -103,6 +104,40 @@ def acceleration_violations(
     detail = "airspeed over one edge [m/s]"
     yield from violated("acceleration", edges.rows, ahead & ~(after <= fastest), after, fastest, detail)
     yield from violated("acceleration", edges.rows, ahead & ~(after >= slowest), after, slowest, detail)
+
+
+def turn_violations(
+    edges: Edges, ahead: BoolArray, radii_min_m: FloatArray, tolerance: float
+) -> Iterator[Violation]:
+    """Check that each edge is a curve of one turn, nowhere tighter than allowed, between its two courses.
+
+    With an arc of the smallest radius at one end and a straight piece behind it, the chord lies farthest from
+    the mean course. With the arc from end to end it has that course.
+
+    Parameters
+    ----------
+    edges : Edges
+        The edges of a path of N rows.
+    ahead : ndarray, shape (N - 1,)
+        Which edges are judged.
+    radii_min_m : ndarray, shape (N - 1,)
+        Radius of the tightest turn on each edge [m].
+    tolerance : float
+        Radii may be smaller by this share.
+    """
+    turns = np.abs(edges.turns_rad)
+    half = 0.5 * turns
+    tightest = radii_min_m * (1.0 - tolerance)
+    straights = np.maximum(edges.lengths_m - tightest * turns, 0.0)
+    arc_chords = 2.0 * tightest * np.sin(half)
+    farthest = np.arctan2(straights * np.sin(half), arc_chords + straights * np.cos(half))
+    allowed = farthest + COURSE_TOLERANCE_RAD + 0.05 / np.maximum(edges.flat_chords_m, 0.05)
+    disagrees = ahead & (np.abs(edges.offsets_rad) > allowed)
+    yield from violated("course", edges.rows, disagrees, np.abs(edges.offsets_rad), allowed,
+                        "courses do not agree with positions [rad]")  # fmt: skip
+    radii = edges.lengths_m / np.maximum(turns, 1e-12)
+    tight = ahead & (turns > 1e-6) & ~(radii >= tightest)
+    yield from violated("turn_radius", edges.rows, tight, radii, radii_min_m, "turn radius [m]")
 
 
 def bulges(edges: Edges, radius_m: float) -> FloatArray:

@@ -355,13 +355,15 @@ def test_no_numbers_make_it_raise(numbers, from_row):
 
 @settings(max_examples=100, deadline=None)
 @given(SEGMENTS, st.integers(1, 10), st.floats(3.0, 300.0), st.floats(0.0, 2.0 * math.pi))
+@example([(125.0, 125.0, 1)], 1, 3.0, 1.75)
 def test_moving_one_row_off_a_good_path_is_found(segments, row, metres, bearing):
     path, _ = flown(one_way(segments), fine=1)
     row = min(row, len(path) - 1)
     moved = path.positions_enu_m.copy()
     moved[row] += metres * np.array([math.sin(bearing), math.cos(bearing), 0.0])
     found = rules(free_checker(straight_length_min_m=0.0).check_path(replace(path, positions_enu_m=moved)))
-    # A place moved along the chord of a curve keeps course and pace within their tolerances, not the radius.
+    # The most that is tolerated: 25 m at R = 250 m, 0.05·(1 - 125/250) + 0.022 = 0.047 rad or 1.2 m across,
+    # and 0.7 m along. A place moved along a curve's chord keeps course and pace within these, not the radius.
     assert found & {"course", "pace", "turn_radius"}
 
 
@@ -391,6 +393,20 @@ def test_what_stands_between_an_arc_and_its_chord_is_found(segments):
     assert aside.max() > 15.0
     post = box("post", east - 0.5, north - 0.5, east + 0.5, north + 0.5)
     assert rules(Checker([post], check_limits(margin_m=0.0)).check_path(path)) == {"clearance"}
+
+
+@pytest.mark.parametrize(("turn_m", "tolerated_rad"), [(25.0, 0.022), (12.5, 0.022 + 0.025), (0.0, 0.022)])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_chord_leaves_its_courses_by_no_more_than_the_smallest_radius_explains(turn_m, tolerated_rad, side):
+    # One edge of 25 m that turns by s/125. Turned at once, then straight, its chord leaves the mean course by
+    # half the turn less a share s/25 of that: 0.1·0 = 0, 0.05·0.5 = 0.025, 0. Tolerated: 0.02 + 0.05 m/25 m.
+    turn = side * turn_m / 125.0
+    for offset, broken in ((tolerated_rad - 0.003, False), (tolerated_rad + 0.003, True)):
+        for sign in (1.0, -1.0):
+            chord = 0.5 * turn + sign * offset
+            end = (25.0 * math.sin(chord), 25.0 * math.cos(chord), 100.0)
+            path = path_of([0.0, 1.0], [(0.0, 0.0, 100.0), end], [0.0, turn], [0.0, 0.0], 25.0)
+            assert ("course" in rules(free_checker().check_path(path))) is broken
 
 
 def test_courses_that_lag_behind_a_turn_are_found():
