@@ -406,7 +406,7 @@ def identify(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Estimate an aircraft's noise and power from its flights, as keys to paste; exit 1 if data is short."""
+    """Estimate an aircraft's noise, turns and power from flights: keys to paste; exit 1 if data is short."""
     from companion.research.identification import identify_command as identifying
 
     flights, found = identifying.identify(recordings, mission)

@@ -22,8 +22,9 @@ class CheckLimits:
         Smallest radius of a turn [m].
     straight_length_min_m : float
         Shortest straight flight between two turns [m].
-    bank_max_rad : float
-        Largest bank angle. With the wind behind, a turn at this bank is wider than in still air.
+    sideways_max_m_s2 : float
+        Largest centripetal acceleration; by default that of a coordinated turn with 40° of bank. With the
+        wind behind, such a turn is wider than in still air [m/s²].
     climb_angle_max_rad, descent_angle_max_rad : float
         Steepest climb and descent, both positive [rad].
     airspeed_min_m_s, airspeed_max_m_s : float
@@ -48,7 +49,7 @@ class CheckLimits:
     airspeed_min_m_s: float
     airspeed_max_m_s: float
     acceleration_max_m_s2: float
-    bank_max_rad: float = math.radians(40.0)
+    sideways_max_m_s2: float = 9.80665 * math.tan(math.radians(40.0))
     threat_level_max: float = 1.0
     quality_min: float = 0.0
     altitude_tolerance_m: float = 0.0

@@ -54,7 +54,6 @@ from companion.types.threat import Obstacle, ThreatPicture
 
 BoolArray = NDArray[np.bool_]
 
-GRAVITY_M_S2 = 9.80665
 POINT_TOLERANCE_M = 0.01  # Rounding of positions, against bounds and goals.
 BULGE_TOLERANCE_M = 2.0  # An arc between two rows inside the bounds may pass the bounds by this much.
 SPEED_TOLERANCE_M_S = 0.01  # Rounding of airspeeds.
@@ -232,7 +231,7 @@ class Checker:
         yield from violated(
             "pace", rows, too_near, edges.chords_m, least, "nearer than speed and time bring it [m]"
         )
-        banked = speeds.fastest_m_s**2 / (GRAVITY_M_S2 * math.tan(limits.bank_max_rad))
+        banked = speeds.fastest_m_s**2 / limits.sideways_max_m_s2
         smallest = np.maximum(limits.turn_radius_min_m, banked * speeds.is_windy)
         yield from turn_violations(edges, ahead, smallest, RATIO_TOLERANCE)
         angles = np.arctan2(edges.rises_m, edges.lengths_m)

@@ -58,6 +58,7 @@ def vehicle_of(mission: MissionConfig) -> VehicleModel:
         acceleration_max_m_s2=float(vehicle.acceleration_max_m_s2),
         turn_radius_min_m=float(vehicle.turn_radius_min_m),
         bank_max_rad=math.radians(vehicle.bank_max_deg),
+        coordination=float(vehicle.coordination),
         straight_length_min_m=float(vehicle.straight_length_min_m),
         climb_angle_max_rad=math.radians(vehicle.climb_angle_max_deg),
         descent_angle_max_rad=math.radians(vehicle.descent_angle_max_deg),
@@ -234,7 +235,9 @@ def exposure_of(mission: MissionConfig) -> Exposure:
     return Exposure(mission.obstacle_list, bounds_of(mission), model, ground_heights_of(mission))
 
 
-def vehicle_within(mission: MissionConfig, reported: AutopilotSettings) -> VehicleModel:
+def vehicle_within(
+    mission: MissionConfig, reported: AutopilotSettings, coordination: float | None = None
+) -> VehicleModel:
     """Return the planner's model of the aircraft within the autopilot's limits, as far as they are known.
 
     Parameters
@@ -243,9 +246,13 @@ def vehicle_within(mission: MissionConfig, reported: AutopilotSettings) -> Vehic
         The mission file.
     reported : AutopilotSettings
         Settings of the autopilot.
+    coordination : float, optional
+        Rate of turn as a share of that of a coordinated turn; by default that of the mission file.
     """
     at_cruise_rad = reported.bank_limit_rad(measured_airspeed_m_s(mission))
-    vehicle = vehicle_of(mission).with_banks(reported.bank_limit_rad(math.inf), at_cruise_rad)
+    vehicle = vehicle_of(mission)
+    vehicle = replace(vehicle, coordination=coordination or vehicle.coordination)
+    vehicle = vehicle.with_banks(reported.bank_limit_rad(math.inf), at_cruise_rad)
     if reported.airspeed_max_m_s:
         fast = min(vehicle.airspeed_fast_m_s, reported.airspeed_max_m_s)
         vehicle = replace(vehicle, airspeed_fast_m_s=fast)
@@ -260,7 +267,7 @@ def check_limits_of(mission: MissionConfig, vehicle: VehicleModel | None = None)
         margin_m=0.5 * float(mission.planning.clearance_min_m),
         deviations=1.0,
         turn_radius_min_m=vehicle.turn_radius_min_m,
-        bank_max_rad=vehicle.bank_max_rad,
+        sideways_max_m_s2=vehicle.sideways_max_m_s2,
         straight_length_min_m=vehicle.straight_length_min_m,
         climb_angle_max_rad=vehicle.climb_angle_max_rad,
         descent_angle_max_rad=vehicle.descent_angle_max_rad,

@@ -93,7 +93,8 @@ PAPER_NOISE = 3.0
 class Vehicle(Section):
     """Performance of the aircraft, and the noise of its motion and state (one sigma).
 
-    `companion identify` estimates the noise, the keys that contain `std`, from recorded flights.
+    `companion identify` estimates the noise, the keys that contain `std`, and `coordination` from recorded
+    flights.
     """
 
     airspeed_min_m_s: Speed
@@ -111,6 +112,9 @@ class Vehicle(Section):
     """Radius of the tightest turn at cruise that the autopilot flies without losing height."""
     bank_max_deg: Annotated[float, Field(gt=0.0, le=60.0)] = 40.0
     """Highest bank in turns; with tail wind the turns are wider than `turn_radius_min_m`."""
+    coordination: Annotated[float, Field(ge=0.5, le=1.0)] = 1.0
+    """Rate of turn at a bank, as a share of that of a coordinated turn; an aircraft that slips turns less.
+    It counts until the aircraft has turned; from then on it is estimated in flight."""
     straight_length_min_m: Annotated[float, Field(ge=0.0, le=100_000.0)]
     """Shortest straight flight between two turns (sl_min)."""
     penetration_speed_m_s: Speed

@@ -29,6 +29,7 @@ from companion.types.threat import Obstacle
 from companion.world.vehicle.vehicle_model import VehicleModel
 
 REPLAN_SHARE = 0.3  # A replan has this share of a first plan's iterations.
+COORDINATION_CHANGE = 0.05  # An estimate that changes by less changes no rules: it varies about as much.
 LEAST_THREAT_WEIGHTS = (0.1, 0.1, 0.8)  # Weights D_γ of (9) in an emergency.
 
 
@@ -111,8 +112,9 @@ class Rules:
 
 
 def rules_of(
-    mission: MissionConfig, fences: tuple[Obstacle, ...] = (), reported: AutopilotSettings | None = None
-) -> Rules:
+    mission: MissionConfig, fences: tuple[Obstacle, ...] = (), reported: AutopilotSettings | None = None,
+    coordination: float | None = None,
+) -> Rules:  # fmt: skip
     """Compose the rules of a flight.
 
     Parameters
@@ -123,9 +125,14 @@ def rules_of(
         Fences of the autopilot, as obstacles.
     reported : AutopilotSettings, optional
         Settings of the autopilot, whose limits of bank, airspeed, climb and descent the rules never exceed.
+    coordination : float, optional
+        Rate of turn as a share of that of a coordinated turn; by default that of the mission file. The check
+        takes it for larger by :data:`COORDINATION_CHANGE`: flown paths pass while it changes by less.
     """
-    vehicle = vehicle_within(mission, reported or AutopilotSettings())
-    limits = check_limits_of(mission, vehicle)
+    reported = reported or AutopilotSettings()
+    vehicle = vehicle_within(mission, reported, coordination)
+    lenient = min(vehicle.coordination + COORDINATION_CHANGE, 1.0)
+    limits = check_limits_of(mission, vehicle_within(mission, reported, lenient))
     settings, exposure = planner_settings_of(mission), exposure_of(mission)
     obstacles = (*mission.obstacle_list, *fences)
     # Another package's planner makes ordinary plans only: what is flown where its paths are refused is ours.

@@ -34,7 +34,7 @@ UNKNOWN_WIND_STD_M_S = 3.0  # Used while nothing is known of the wind.
 WIND_TIME_S = 20.0  # Time constant of the filter of the wind that is estimated here.
 TURN_COMPARED_S = 1.0  # A rate of turn is computed from two positions, or attitudes, at most this far apart.
 COORDINATED_RAD = math.radians(15.0), math.radians(60.0)  # Turns with other banks say little of coordination.
-# Before the first turn, turns count as coordinated. That counts as much as 10 s of a turn with 25° of bank.
+# What is expected before the first turn counts as much as 10 s of a turn with 25° of bank.
 EXPECTED_S = 10.0 * math.tan(math.radians(25.0)) ** 2
 TURNS_KEPT_S = 120.0  # Older turns count less: by a factor of e for so much time in turns.
 COORDINATION_MIN = 0.5  # A lower estimate is not believed.
@@ -61,6 +61,8 @@ class OwnshipSettings:
         Ground speed below which the yaw replaces the course: at rest a velocity has no direction [m/s].
     position_std_horizontal_m, position_std_vertical_m : float
         Standard deviations until the autopilot reports its own [m].
+    coordination : float
+        Rate of turn as a share of that of a coordinated turn, until the aircraft has turned.
     """
 
     position_max_age_s: float = 1.5
@@ -71,10 +73,38 @@ class OwnshipSettings:
     course_speed_min_m_s: float = 1.0
     position_std_horizontal_m: float = 2.0
     position_std_vertical_m: float = 3.0
+    coordination: float = 1.0
 
     def __post_init__(self) -> None:
         if min(astuple(self)) < 0.0:
-            raise ValueError("ages, speeds and accuracies count from zero up")
+            raise ValueError("ages, speeds, accuracies and shares count from zero up")
+
+
+def turned_between(
+    before: Attitude, attitude: Attitude, true_airspeed_m_s: float
+) -> tuple[float, float] | None:
+    """Return what two attitudes say of coordination: two numbers whose ratio is the share; None for nothing.
+
+    With the slope ``s = tan(bank)`` they are the turn times ``s·v/g``, and ``s²`` times the time between [s].
+    They count between attitudes at most a second apart in flight, banked to one side by 15 to 60°.
+
+    Parameters
+    ----------
+    before, attitude : Attitude
+        Bank and yaw, one after the other.
+    true_airspeed_m_s : float
+        True airspeed at that time [m/s].
+    """
+    step_s = attitude.stamp_s - before.stamp_s
+    if not 0.0 < step_s <= TURN_COMPARED_S or true_airspeed_m_s < FLYING_MIN_M_S:
+        return None
+    banks = before.bank_rad, attitude.bank_rad
+    least, most = sorted(map(abs, banks))
+    if banks[0] * banks[1] < 0.0 or least < COORDINATED_RAD[0] or most > COORDINATED_RAD[1]:
+        return None
+    slope = math.tan(0.5 * sum(banks))
+    turned_rad = wrapped_angle(attitude.yaw_rad - before.yaw_rad)
+    return turned_rad * slope * true_airspeed_m_s / GRAVITY_M_S2, step_s * slope**2
 
 
 class CoordinationEstimate:
@@ -83,9 +113,15 @@ class CoordinationEstimate:
     An aircraft that slips turns less than ``g·tan(bank)/v``: its fuselage pushes it outwards. The guidance of
     ArduPlane and PX4 commands the bank of a coordinated turn, so that such an aircraft leaves its legs in
     turns.
+
+    Parameters
+    ----------
+    expected : float
+        The share before the first turn.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, expected: float = 1.0) -> None:
+        self._expected_s = EXPECTED_S * expected
         self._before: Attitude | None = None
         self._turned_s = self._square_s = 0.0
 
@@ -100,22 +136,17 @@ class CoordinationEstimate:
             True airspeed at that time [m/s].
         """
         before, self._before = self._before, attitude
-        step_s = 0.0 if before is None else attitude.stamp_s - before.stamp_s
-        if before is None or not 0.0 < step_s <= TURN_COMPARED_S or true_airspeed_m_s < FLYING_MIN_M_S:
+        turned = None if before is None else turned_between(before, attitude, true_airspeed_m_s)
+        if before is None or turned is None:
             return
-        banks = before.bank_rad, attitude.bank_rad
-        least, most = sorted(map(abs, banks))
-        if banks[0] * banks[1] < 0.0 or least < COORDINATED_RAD[0] or most > COORDINATED_RAD[1]:
-            return
-        slope, kept = math.tan(0.5 * sum(banks)), math.exp(-step_s / TURNS_KEPT_S)
-        turned_rad = wrapped_angle(attitude.yaw_rad - before.yaw_rad)
-        self._turned_s = kept * self._turned_s + turned_rad * slope * true_airspeed_m_s / GRAVITY_M_S2
-        self._square_s = kept * self._square_s + step_s * slope**2
+        kept = math.exp(-(attitude.stamp_s - before.stamp_s) / TURNS_KEPT_S)
+        self._turned_s = kept * self._turned_s + turned[0]
+        self._square_s = kept * self._square_s + turned[1]
 
     @property
     def share(self) -> float:
         """The estimate, between :data:`COORDINATION_MIN` and 1."""
-        share = (EXPECTED_S + self._turned_s) / (EXPECTED_S + self._square_s)
+        share = (self._expected_s + self._turned_s) / (EXPECTED_S + self._square_s)
         return min(max(share, COORDINATION_MIN), 1.0)
 
 
@@ -145,7 +176,7 @@ class OwnshipEstimator:
         self._wind: WindEstimate | None = None
         self._own_wind: WindEstimate | None = None
         self._turn_rad_s = 0.0
-        self._coordination = CoordinationEstimate()
+        self._coordination = CoordinationEstimate(self._settings.coordination)
         self._accuracy: EstimatorAccuracy | None = None
         self._integrity = PositionIntegrity()
         self.counters: Counter[str] = Counter()

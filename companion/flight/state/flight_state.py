@@ -41,7 +41,7 @@ import numpy as np
 
 from companion.assurance.violation import Violation
 from companion.config import MissionConfig
-from companion.config.rules import Rules, rules_of
+from companion.config.rules import COORDINATION_CHANGE, Rules, rules_of
 from companion.flight.state.flight_phase import (
     FlightPhase,
     after_armed_state,
@@ -313,7 +313,10 @@ class StateOwner:
 def first_state(mission: MissionConfig, now_s: float) -> FlightState:
     """Return the state before anything is received, at a reading of the clock [s]."""
     rules, shared = rules_of(mission), mission.shares_goals
-    return FlightState(rules, FlightPhase(now_s), goals=() if shared else rules.goals, is_on_call=shared)
+    return FlightState(
+        rules, FlightPhase(now_s), goals=() if shared else rules.goals, is_on_call=shared,
+        coordination=rules.vehicle.coordination,
+    )  # fmt: skip
 
 
 def after_mode_event(state: FlightState, event: ModeEvent) -> FlightState:
@@ -385,7 +388,7 @@ def after_straight_return(state: FlightState) -> FlightState:
 
 def after_settings_reported(state: FlightState, settings: AutopilotSettings) -> FlightState:
     """Return the state with the autopilot's parameters, which may allow less bank than assumed."""
-    rules = rules_of(state.mission, state.rules.fences, settings)
+    rules = rules_of(state.mission, state.rules.fences, settings, state.rules.vehicle.coordination)
     is_same = rules.vehicle == state.rules.vehicle
     return replace(state, settings=settings, rules=state.rules if is_same else rules)
 
@@ -408,7 +411,7 @@ def after_rally_reported(state: FlightState, *, holds_any: bool) -> FlightState:
 
 def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
     """Return the state with another mission file; a changed list of goals begins at its first."""
-    rules = rules_of(mission, state.rules.fences, state.settings)
+    rules = rules_of(mission, state.rules.fences, state.settings, state.rules.vehicle.coordination)
     goals, next_goal, next_own = state.goals, state.next_goal, state.next_own
     has_own = mission.goals_from_autopilot or mission.shares_goals or state.is_returning
     if not has_own and rules.goals != state.own_goals:
@@ -422,7 +425,8 @@ def after_reload(state: FlightState, mission: MissionConfig) -> FlightState:
 
 def after_fences(state: FlightState, fences: tuple[Obstacle, ...]) -> FlightState:
     """Return the state with the autopilot's fences, which plans and missions keep from now on."""
-    return replace(state, rules=rules_of(state.mission, fences, state.settings))
+    rules = rules_of(state.mission, fences, state.settings, state.rules.vehicle.coordination)
+    return replace(state, rules=rules)
 
 
 def after_list(state: FlightState, listed: ListState) -> FlightState:
@@ -477,10 +481,14 @@ def after_position(state: FlightState, ownship: Ownship) -> FlightState:
 
 
 def _in_air(state: FlightState, ownship: Ownship) -> FlightState:
-    """Return the state with the present wind, and with how the aircraft turns."""
+    """Return the state with the present wind, and with how the aircraft turns, on which the rules depend."""
+    rules, coordination = state.rules, ownship.coordination
+    if abs(coordination - rules.vehicle.coordination) > COORDINATION_CHANGE:
+        rules = rules_of(state.mission, rules.fences, state.settings, coordination)
     return replace(
         state,
+        rules=rules,
         wind_enu_m_s=ownship.wind_enu_m_s,
         wind_std_m_s=ownship.wind_std_m_s,
-        coordination=ownship.coordination,
+        coordination=coordination,
     )

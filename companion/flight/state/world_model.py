@@ -42,8 +42,8 @@ class TeamWatch(Protocol):
         """Return the tracks at a time [s] with the members on their announced paths."""
 
 
-def _ages_of(mission: MissionConfig) -> OwnshipSettings:
-    """Return the ages up to which telemetry is used, from a mission file."""
+def _ownship_settings_of(mission: MissionConfig) -> OwnshipSettings:
+    """Return the ages up to which telemetry is used, and how the aircraft turns, from a mission file."""
     use_by = mission.use_by
     return OwnshipSettings(
         position_max_age_s=use_by.position_s,
@@ -51,6 +51,7 @@ def _ages_of(mission: MissionConfig) -> OwnshipSettings:
         airspeed_max_age_s=use_by.airspeed_s,
         wind_max_age_s=use_by.wind_s,
         jump_confirm_s=use_by.jump_confirm_s,
+        coordination=mission.vehicle.coordination,
     )
 
 
@@ -68,7 +69,7 @@ class WorldModel:
     def __init__(self, rules: Rules, seed: int) -> None:
         self._read(rules)
         mission = rules.mission
-        self.ownship = OwnshipEstimator(mission.frame, _ages_of(mission))
+        self.ownship = OwnshipEstimator(mission.frame, _ownship_settings_of(mission))
         self.tracker = Tracker(mission.frame, mission.dynamic_threat_list, seed=seed)
         self._team: TeamWatch | None = None
         self.newest_track_s = -math.inf
@@ -93,7 +94,7 @@ class WorldModel:
         before, known = self._rules.mission.radars, self._snapshot.threats.known
         sensed = {radar for radar, is_known in zip(before, known, strict=True) if is_known}
         self._read(rules)
-        self.ownship.set_settings(_ages_of(rules.mission))
+        self.ownship.set_settings(_ownship_settings_of(rules.mission))
         kept = np.array([radar in sensed for radar in rules.mission.radars], dtype=np.int64)
         self._snapshot = self._snapshot.with_known(np.maximum(self._snapshot.threats.known, kept))
 

@@ -1,5 +1,5 @@
-"""Noise of the aircraft from recorded flights: how far it strays, and how well it knows its position.
+"""The aircraft from recorded flights: its noise, how well its turns are coordinated, and its power.
 
-It reads recordings as the reports do. It finds the noise with which the planner's uncertainty model explains
+The modules read recordings as the reports do. They find the numbers with which the planner's models explain
 them.
 """

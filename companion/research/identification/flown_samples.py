@@ -21,6 +21,7 @@ from companion.recording.mcap_reader import Document, messages_of, number
 from companion.recording.reader import Recording, load_recording
 from companion.recording.recorder import MISSION_FILE, TLOG
 from companion.research.identification.energy_samples import EnergyListener, EnergyWindow
+from companion.research.identification.turn_samples import TurnListener
 from companion.types.events import AirData, EstimatorAccuracy, Event, GlobalPosition, Heartbeat
 from companion.types.mavlink_enums import ComponentId, GpsFix, MessageId
 from companion.types.path import Path as FlownPath
@@ -78,7 +79,8 @@ class ReportedErrors:
 class Flown:
     """The samples of one recording; ``deviations`` has an element for each flown plan.
 
-    ``windows`` are those in which the battery's monitor reported the energy used.
+    ``windows`` are those in which the battery's monitor reported the energy used. Each of the ``turns``,
+    shape (3,), is one of :class:`~companion.research.identification.turn_samples.TurnListener`.
     """
 
     name: str
@@ -87,6 +89,7 @@ class Flown:
     reported_errors: ReportedErrors
     num_left_out: int
     windows: tuple[EnergyWindow, ...] = ()
+    turns: tuple[FloatArray, ...] = ()
 
 
 def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
@@ -118,7 +121,7 @@ def flown_of(source: Path, mission_file: Path | None = None) -> Flown:
     kept = tuple(entry for entry, _ in found if len(entry.times_s) > 1)
     return Flown(
         str(source), mission, kept, reports.errors(), sum(left_out for _, left_out in found),
-        tuple(reports.energy.windows),
+        tuple(reports.energy.windows), tuple(reports.turning.turns),
     )  # fmt: skip
 
 
@@ -142,6 +145,7 @@ class _Reports:
     fixes: list[list[float]] = field(default_factory=list)  # boot, place
     accuracies: list[tuple[float, float, float]] = field(default_factory=list)
     energy: EnergyListener = field(default_factory=EnergyListener)
+    turning: TurnListener = field(default_factory=TurnListener)
     _airspeed_m_s: float = math.nan
     _is_flying_mission: bool = False
 
@@ -157,6 +161,7 @@ class _Reports:
                 for event in frame.events:
                     self._note(event)
                     self.energy.note(event)
+                    self.turning.note(event)
 
     def _note(self, event: Event) -> None:
         match event:

@@ -12,13 +12,14 @@ from rich.table import Table
 
 from companion.config.compose import vehicle_of
 from companion.plain_text import printable
+from companion.research.identification.coordination_estimate import coordination_key
 from companion.research.identification.energy_estimate import energy_keys
 from companion.research.identification.flown_samples import Flown, flown_of
 from companion.research.identification.noise_estimate import Identified, NoiseKey, Spread, identified
 
 
 def identify(sources: Sequence[Path], mission_file: Path | None) -> tuple[list[Flown], Identified]:
-    """Read recordings and identify the noise and the power of the aircraft of the first one's mission.
+    """Read recordings; identify noise, turns and power of the aircraft of the first one's mission.
 
     Raises
     ------
@@ -30,7 +31,10 @@ def identify(sources: Sequence[Path], mission_file: Path | None) -> tuple[list[F
     flights = [flown_of(source, mission_file) for source in sources]
     vehicle = vehicle_of(flights[0].mission)
     windows = [window for flight in flights for window in flight.windows]
-    return flights, replace(identified(flights, vehicle), energy=energy_keys(windows, vehicle))
+    turns = [turn for flight in flights for turn in flight.turns]
+    found = identified(flights, vehicle)
+    keys = (*found.keys, coordination_key(turns))
+    return flights, replace(found, keys=keys, energy=energy_keys(windows, vehicle))
 
 
 def document_of(flights: Sequence[Flown], found: Identified) -> dict[str, object]:

@@ -92,7 +92,7 @@ class NoiseKey:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """The noise of an aircraft: the measurements, and the keys that explain them.
+    """What recordings say of an aircraft: the measurements, and the keys that explain them.
 
     ``energy`` has the keys of that section, if the recordings have battery messages.
     """

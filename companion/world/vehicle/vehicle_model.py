@@ -23,8 +23,10 @@ class VehicleModel:
     ``pitch_rate_max_rad_s`` limits the change of the climb angle. The aircraft flies faster than cruise, up
     to ``airspeed_fast_m_s``, only to escape moving threats. Noise values are standard deviations: process
     noise enters with the control, measurement noise with position, course and climb angle. Turns are banked
-    by at most ``bank_max_rad``, which makes them wider in strong wind. ``climb_rate_max_m_s`` and
-    ``sink_rate_max_m_s`` are what the autopilot climbs and descends with at most: they flatten the angles.
+    by at most ``bank_max_rad``, which makes them wider in strong wind. ``coordination`` is the rate of turn
+    at a bank as a share of that of a coordinated turn: an aircraft that slips turns less.
+    ``climb_rate_max_m_s`` and ``sink_rate_max_m_s`` are what the autopilot climbs and descends with at most:
+    they flatten the angles.
     """
 
     airspeed_min_m_s: float = 12.5
@@ -46,6 +48,7 @@ class VehicleModel:
     course_std_rad: float = math.radians(2.0)
     climb_std_rad: float = math.radians(1.0)
     bank_max_rad: float = math.radians(40.0)
+    coordination: float = 1.0
     climb_rate_max_m_s: float = math.inf
     sink_rate_max_m_s: float = math.inf
 
@@ -55,11 +58,11 @@ class VehicleModel:
 
     def with_banks(self, most_rad: float, at_cruise_rad: float) -> VehicleModel:
         """Return the aircraft with a largest bank, and one for turns at cruise [rad]."""
-        tightest = self.airspeed_cruise_m_s**2 / (GRAVITY_M_S2 * math.tan(at_cruise_rad))
+        at_cruise = replace(self, bank_max_rad=min(self.bank_max_rad, at_cruise_rad))
         return replace(
             self,
             bank_max_rad=min(self.bank_max_rad, most_rad),
-            turn_radius_min_m=max(self.turn_radius_min_m, tightest),
+            turn_radius_min_m=at_cruise._radius_at(self.airspeed_cruise_m_s),
         )
 
     def _flattened(self) -> VehicleModel:
@@ -91,12 +94,12 @@ class VehicleModel:
 
     def _radius_at(self, speed_m_s: float) -> float:
         """Return ``turn_radius_min_m``, or the radius of ``bank_max_rad`` at a speed if larger [m]."""
-        return max(self.turn_radius_min_m, speed_m_s**2 / self._sideways_max_m_s2)
+        return max(self.turn_radius_min_m, speed_m_s**2 / self.sideways_max_m_s2)
 
     @property
-    def _sideways_max_m_s2(self) -> float:
-        """Lateral acceleration in a turn banked by ``bank_max_rad`` [m/s²]."""
-        return GRAVITY_M_S2 * math.tan(self.bank_max_rad)
+    def sideways_max_m_s2(self) -> float:
+        """Centripetal acceleration in a turn banked by ``bank_max_rad`` [m/s²]."""
+        return self.coordination * GRAVITY_M_S2 * math.tan(self.bank_max_rad)
 
     @property
     def faster_m_s(self) -> tuple[float, ...]:
@@ -163,7 +166,7 @@ class VehicleModel:
             v_cruise=self.airspeed_cruise_m_s,
             a_max=self.acceleration_max_m_s2,
             r_min=self.turn_radius_in(wind),
-            sideways_max=self._sideways_max_m_s2,
+            sideways_max=self.sideways_max_m_s2,
             straight_min=self.straight_length_min_m,
             climb_max=self.slope_in(self.climb_angle_max_rad, wind, from_airspeed_m_s),
             descent_max=self.slope_in(self.descent_angle_max_rad, wind, from_airspeed_m_s),

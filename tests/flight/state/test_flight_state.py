@@ -20,6 +20,7 @@ from companion.flight.state.flight_state import (
     after_position,
     after_reload,
     after_restart,
+    after_settings_reported,
     after_swap,
     first_state,
 )
@@ -30,10 +31,11 @@ from companion.mission.list_layout import new_banks
 from companion.mission.mission_id import mission_id
 from companion.mission.operator import OperatorGoal
 from companion.types.mission import Mission
-from companion.types.state import Ownship
+from companion.types.state import AutopilotSettings, Ownship
 from companion.types.threat import Obstacle
 from tests.flight.construction.test_cycle import OPEN, TWO_GOALS, WALL, straight
 from tests.mission.made import item
+from tests.support.paths import box
 from tests.support.sources import ROOT, SOURCES, nodes_of
 
 pytestmark = pytest.mark.xdist_group("sources")
@@ -242,3 +244,33 @@ def test_nobody_else_makes_or_replaces_the_state():
             for node in calls(path, "replace"):
                 named = {keyword.arg for keyword in node.keywords}
                 assert not (named & fields and ast.unparse(node.args[0]) in ("state", "listed")), path
+
+
+def turning(coordination, state):
+    return after_position(
+        state, Ownship(0.0, (0.0, 0.0, 100.0), 0.0, 0.0, 25.0, 25.0, coordination=coordination)
+    )
+
+
+def test_rules_follow_how_the_aircraft_turns_and_keep_through_other_events():
+    first = first_state(mission_from_text(OPEN, "open.yaml"), 0.0)
+    same = turning(0.96, first)
+    assert same.coordination == 0.96
+    assert same.rules is first.rules  # Estimates vary by as much.
+    slips = turning(0.7, same)
+    assert slips.rules.vehicle.coordination == 0.7
+    assert turning(0.74, slips).rules is slips.rules
+    assert turning(0.76, slips).rules.vehicle.coordination == 0.76
+    fenced = after_fences(slips, (box("fence", 0.0, 0.0, 50.0, 50.0),))
+    for after in (
+        fenced,
+        after_reload(slips, slips.mission),
+        after_settings_reported(slips, AutopilotSettings(35.0)),
+    ):
+        assert after.rules.vehicle.coordination == 0.7
+
+
+def test_before_the_first_turn_the_mission_file_says_how_the_aircraft_turns():
+    text = OPEN.replace("vehicle:", "vehicle:\n  coordination: 0.8", 1)
+    state = first_state(mission_from_text(text, "open.yaml"), 0.0)
+    assert state.coordination == state.rules.vehicle.coordination == 0.8

@@ -91,8 +91,23 @@ def test_plans_climb_and_descend_no_faster_than_the_autopilot(told, climb_deg, d
 def test_plans_turn_no_tighter_than_the_autopilot(told, bank_deg, radius_m):
     rules = rules_of(IN_SPACE, reported=AutopilotSettings(**told))
     for limits in (rules.vehicle, rules.checker.limits):
-        assert math.degrees(limits.bank_max_rad) == pytest.approx(bank_deg, abs=0.01)
+        assert limits.sideways_max_m_s2 == pytest.approx(9.80665 * math.tan(math.radians(bank_deg)))
         assert limits.turn_radius_min_m == pytest.approx(radius_m, abs=0.1)
+
+
+def test_plans_turn_no_tighter_than_an_aircraft_that_slips():
+    """At 0.7 and 40°, 5.76 m/s²: 37.5² / 5.76 = 244 m. The check allows 0.75: it takes 5 % for noise."""
+    rules = rules_of(IN_SPACE, coordination=0.7)
+    assert rules.vehicle.turn_radius_min_m == 125.0  # 625 / 5.76 = 109
+    assert rules.vehicle.at_speed(37.5).turn_radius_min_m == pytest.approx(244.1, abs=0.1)
+    assert rules.checker.limits.sideways_max_m_s2 == pytest.approx(
+        0.75 * 9.80665 * math.tan(math.radians(40.0))
+    )
+    assert rules_of(IN_SPACE).checker.limits.sideways_max_m_s2 == pytest.approx(8.2287, abs=0.001)
+    tight = rules_of(IN_SPACE, (), AutopilotSettings(bank_max_deg=25.0), 0.7)
+    assert tight.vehicle.turn_radius_min_m == pytest.approx(
+        195.2, abs=0.1
+    )  # 625 / (0.7 * 9.80665 * tan 25 deg)
 
 
 @pytest.mark.parametrize(
