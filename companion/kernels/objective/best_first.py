@@ -5,7 +5,9 @@ extended by a few motions: a turn to either side or straight flight, in space wi
 cruise or changing to it. A cell is a place, a direction and a turn. A node is dropped if another one in its
 cell is as cheap and as early. V knows no limits on turns. With ``weight`` 1 the first node at the goal is the
 best of the tree but for the cells and for V's error. With more it is found sooner and costs at most
-``weight`` times as much.
+``weight`` times as much. With several goals the turns at them make every path more expensive than V says, so
+that the tree would grow through all states before each goal. So nodes before a goal come last as soon as some
+nodes beyond it have been extended.
 
 Symbols: ``at`` the node that is extended, ``v`` airspeed, ``w`` turn rate, ``wp`` climb rate.
 
@@ -47,6 +49,7 @@ HEIGHT_CELLS = 0.5  # Height of a cell, as a share of a step.
 NEAR_RADII = 6.0  # Turns count within this many turn radii of a goal.
 EARLIER_S = 2.0  # A node that costs more than another in its cell is kept if it is this much earlier.
 PRIME = 1_048_573  # The largest prime below 2^20: a cell's place in the table is its number modulo this.
+LAST_S = 1e9  # Nodes that come last cost this much more in the queue.
 EXHAUSTED, UNFINISHED, FULL = -1, -2, -3
 
 
@@ -88,7 +91,8 @@ class Rules(Struct):
     ``goals`` (G, 4) x y z and the radius [m] within which each counts as passed; ``weight`` times which V
     counts; ``seen_max`` longest unbroken time in radars' sight [s]; ``danger_max`` most danger from pursuers
     (g of J) at which a place may be passed; ``cost_max`` a path that costs as much is not worth finding [s];
-    ``stride`` how many steps a motion has at least, and a cell is long and wide.
+    ``stride`` how many steps a motion has at least, and a cell is long and wide; ``beyond`` after how many
+    extended nodes beyond a goal those before it come last.
     """
 
     goals: Float2D
@@ -97,12 +101,14 @@ class Rules(Struct):
     danger_max: float
     cost_max: float
     stride: int
+    beyond: int
 
 
 class BestFirst(Struct):
     """A tree that is grown, and what it is grown by.
 
-    ``sizes`` (2,) counts its nodes, and those queued in ``heap``. Of ``work.stats`` the first counts
+    ``sizes`` (2,) counts its nodes, and those queued in ``heap``; ``extended`` (G,) the nodes that were
+    extended, by the goals that they had passed. Of ``work.stats`` the first counts
     collision checks and the fourth nodes that were extended.
     """
 
@@ -110,6 +116,7 @@ class BestFirst(Struct):
     cells: Cells
     heap: Heap
     sizes: Int1D
+    extended: Int1D
     field: CostField
     objective: Objective
     rules: Rules
@@ -298,12 +305,19 @@ def grow_best_first(search: BestFirst, most: int) -> int:
     :data:`EXHAUSTED` where no way leads there, :data:`FULL` where there is no room for more nodes,
     :data:`UNFINISHED` after ``most`` nodes were extended: then it goes on if it is called again.
     """
-    heap, sizes = search.heap, search.sizes
-    for _ in range(most):
+    heap, sizes, extended, num = search.heap, search.sizes, search.extended, 0
+    while num < most:
         if sizes[1] == 0:
             return EXHAUSTED
-        at = heap.nodes[0]
+        order, at = heap.keys[0], heap.nodes[0]
         sizes[1] = pop_least(heap.keys, heap.nodes, sizes[1])
+        stage = search.nodes.stage[at]
+        is_behind = stage + 1 < extended.shape[0] and extended[stage + 1] >= search.rules.beyond
+        if is_behind and order < LAST_S:
+            sizes[1] = push(heap.keys, heap.nodes, sizes[1], order + LAST_S, at)
+            continue
+        num += 1
+        extended[stage] += 1
         search.work.stats[3] += 1
         for way in range(-1, 2):
             end = extend_by_one(search, at, way)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from threading import RLock
 from typing import TypeVar
@@ -14,7 +14,7 @@ import numpy as np
 from companion.frames import FloatArray
 from companion.kernels.aircraft.motion import turn_radius
 from companion.kernels.arrays import Ground, Limits
-from companion.kernels.objective.before_pursuers import Wave, fill_before_pursuers
+from companion.kernels.objective.before_pursuers import Wave, fill_before_pursuers, time_to_fly
 from companion.kernels.objective.cost_over_ground import DIRECTIONS, Buckets, fill_cost_over_ground
 from companion.kernels.objective.cost_to_go import (
     CostField,
@@ -24,7 +24,7 @@ from companion.kernels.objective.cost_to_go import (
     fill_rate,
 )
 from companion.kernels.objective.row_costs import DEVIATIONS_FREE, Objective, energy_excess
-from companion.planning.problem import Problem, StartState
+from companion.planning.problem import GoalRegion, Problem, StartState
 from companion.world.ground.cell_lookup import cells_along
 
 # Along the longer side of the bounds. Over ground between two heights there are as many as in a plane.
@@ -41,6 +41,7 @@ V_ERROR = 1.05  # On the grid, V of places that the best path passes is too larg
 ERROR_UNKNOWN = 0.1  # Relative error of V where the coarse field has no value.
 DEVIATION_STEP_M = 0.5
 KEPT = 8  # Fields of each kind that are kept; each takes a megabyte.
+ANY_COURSE_M = 1.0  # The turn radius of a wave from a goal, which may be passed on any course.
 MOST_DANGER = math.inf  # Nothing is barred.
 
 _Key = tuple[object, ...]
@@ -99,7 +100,12 @@ def cost_to_go_of(problem: Problem, objective: Objective) -> CostToGo:
 
     def make() -> CostToGo:
         fields = (_at_airspeed(field, objective) for field in _world(problem, objective))
-        return CostToGo(*(_with_values(field, problem, objective.limits) for field in fields))
+        return CostToGo(
+            *(
+                _with_values(field, [field.rate] * len(problem.goals), problem, objective.limits)
+                for field in fields
+            )
+        )
 
     return _get_or_create(_fields, _key(problem, objective), make)
 
@@ -229,6 +235,9 @@ def field_before_pursuers(
 ) -> CostField:
     """Return V of all goals with the cost of pursuers; V is infinite where they bar the way.
 
+    Pursuers cost what they do when the aircraft is there, on the way to the first goal, or from one goal to
+    the next.
+
     V is infinite, too, at places through which no path costs at most ``cost_max``, by V without pursuers from
     there on and a straight flight to there.
 
@@ -245,7 +254,7 @@ def field_before_pursuers(
     is_coarse : bool
         Whether twice the usual spacing is enough.
     """
-    start, prices, limits = problem.start, objective.prices, objective.limits
+    start, limits = problem.start, objective.limits
     field = _at_airspeed(_world(problem, objective)[is_coarse], objective)
     if math.isfinite(cost_max):
         alone = cost_to_go_of(problem, objective)
@@ -253,19 +262,44 @@ def field_before_pursuers(
             _least_through(alone.coarse if is_coarse else alone.fine, start, limits) <= V_ERROR * cost_max
         )
         field = field._replace(rate=np.where(is_near, field.rate, np.inf))
+    begin = np.array([*start.position_enu_m, start.stamp_s, start.airspeed_m_s, start.direction_rad])
+    radius = turn_radius(min(start.airspeed_m_s, limits.v_cruise), limits)
+    rates = list[FloatArray]()
+    for goal in problem.goals:
+        wave = _wave(field, begin, radius, objective.prices.pursued, danger_max)
+        priced = field._replace(rate=field.rate.copy())
+        fill_before_pursuers(wave, priced, objective, _heap(field))
+        rates.append(priced.rate)
+        begin, radius = _beyond(goal, wave, field, limits), ANY_COURSE_M
+        if math.isinf(begin[3]):  # Nothing comes to the goal, and V is infinite everywhere.
+            rates += [priced.rate] * (len(problem.goals) - len(rates))
+            break
+    return _with_values(field, rates, problem, limits)
+
+
+def _wave(field: CostField, begin: FloatArray, radius_m: float, price: float, danger_max: float) -> Wave:
+    """Return a wave that begins at ``begin``, shape (6,), and has room for its results."""
     is_barred = danger_max < MOST_DANGER
-    wave = Wave(
-        start=np.array([*start.position_enu_m, start.stamp_s, start.airspeed_m_s, start.direction_rad]),
+    return Wave(
+        start=begin,
         rate=np.where(np.isinf(field.rate), np.inf, 1.0) if is_barred else field.rate.copy(),
         value=np.empty_like(field.rate),
         time=np.empty_like(field.rate),
         danger=np.empty_like(field.rate),
         danger_max=danger_max,
-        price=0.0 if is_barred else prices.pursued,
-        radius=turn_radius(min(start.airspeed_m_s, limits.v_cruise), limits),
+        price=0.0 if is_barred else price,
+        radius=radius_m,
     )
-    fill_before_pursuers(wave, field, objective, _heap(field))
-    return _with_values(field, problem, limits)
+
+
+def _beyond(goal: GoalRegion, wave: Wave, field: CostField, limits: Limits) -> FloatArray:
+    """Return where and when a wave begins that goes on from a goal, shape (6,); its time may be infinite."""
+    times = field._replace(
+        values=np.where(np.isinf(wave.value), np.inf, wave.time)[np.newaxis], rest=np.zeros(1)
+    )
+    flown_m = float(cost_to_go(times, 0, *goal.position_enu_m)) * limits.v_cruise
+    due_s = wave.start[3] + time_to_fly(flown_m, wave.start[4], limits) if flown_m < math.inf else math.inf
+    return np.array([*goal.position_enu_m, due_s, limits.v_cruise, 0.0])
 
 
 def _least_through(field: CostField, start: StartState, limits: Limits) -> FloatArray:
@@ -289,14 +323,16 @@ def _least_through(field: CostField, start: StartState, limits: Limits) -> Float
     return np.asarray((to_go + field.rest[:, None, None, None]).min(axis=0) + there_s[:, :, None])
 
 
-def _with_values(field: CostField, problem: Problem, limits: Limits) -> CostField:
-    """Return V of all goals for a known cost of a second at each node."""
+def _with_values(
+    field: CostField, rates: Sequence[FloatArray], problem: Problem, limits: Limits
+) -> CostField:
+    """Return V of all goals; ``rates``, each (X, Y, Z), are the cost of a second on the way to each goal."""
     num, is_low = len(problem.goals), bool(field.floor.any())
     heap, layers = _heap(field), num * (DIRECTIONS if is_low else 1)
     queue = buckets(field.rate.size) if is_low else None
     field = field._replace(values=np.empty((layers, *field.rate.shape)), rest=np.zeros(num))
     for g, goal in reversed(list(enumerate(problem.goals))):
-        centre = np.array(goal.position_enu_m)
+        centre, field = np.array(goal.position_enu_m), field._replace(rate=rates[g])
         if queue is not None:
             fill_cost_over_ground(field, g, centre, limits, heap, queue)
         else:

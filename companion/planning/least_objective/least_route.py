@@ -38,9 +38,9 @@ FINISHING_S = 5.0  # A path to the goal's centre may cost this much more than st
 class Patience(NamedTuple):
     """The growth of one tree.
 
-    ``weight`` multiplies V. At most ``most`` nodes are extended. If ``avoids_gaps``, V leads through no gap
-    that is nearly too narrow. ``stride`` is the number of steps of a motion, and of a cell that needs only
-    one node.
+    ``weight`` multiplies V. At most ``most`` nodes are extended for each goal. If ``avoids_gaps``, V leads
+    through no gap that is nearly too narrow. ``stride`` is the number of steps of a motion, and of a cell
+    that needs only one node.
     """
 
     weight: float

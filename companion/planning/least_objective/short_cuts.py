@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from companion.frames import FloatArray
-from companion.kernels.objective.path_changes import DRAWS, ROWS_MIN, WIDTH, next_gain
+from companion.kernels.objective.path_changes import DETOUR, DRAWS, GOAL, ROWS_MIN, WIDTH, next_gain
 from companion.kernels.objective.row_costs import AT_SURFACE, Objective, longest_seen
 from companion.kernels.workspace import empty_rows
 from companion.planning.explore import Exploration
@@ -16,6 +16,7 @@ from companion.planning.least_objective.prices import danger_along
 from companion.planning.problem import goals_on_the_way
 from companion.planning.route import SPARE_ROWS, Route, assess_route, cost_between, pursuit_risk
 
+FOR_EACH_GOAL = 200  # Other ways past each goal that are tried.
 BURST = 50  # Changes that are tried between two checks of the time.
 
 
@@ -43,8 +44,8 @@ def shortened_route(
     is_within_limits = keeps_limits(exploration, objective, route)
     risk_s = pursuit_risk(exploration, route).total_s
     has_detours = not exploration.is_pursued and loses_well_clear(objective, route)
-    draws = _draws(exploration, problem.settings.smooth_iterations, has_detours)
     goals = goals_on_the_way(problem.goals)
+    draws = _draws(exploration, problem.settings.smooth_iterations, has_detours, len(goals))
     while tried < len(draws) and len(route) >= ROWS_MIN and not should_stop():
         burst, out = draws[tried : tried + BURST], empty_rows(len(route) + SPARE_ROWS)
         at, num = next_gain(route.rows, len(route), burst, goals, objective, out)
@@ -58,8 +59,10 @@ def shortened_route(
     return route, kept
 
 
-def _draws(exploration: Exploration, num: int, has_detours: bool) -> FloatArray:
+def _draws(exploration: Exploration, num: int, has_detours: bool, num_goals: int) -> FloatArray:
     """Return ``num`` random short cuts, which become narrower, after as many detours if there are any.
+
+    Other ways past the goals are scattered among them.
 
     Returns
     -------
@@ -67,9 +70,14 @@ def _draws(exploration: Exploration, num: int, has_detours: bool) -> FloatArray:
         As :func:`next_gain` reads them.
     """
     draws = exploration.rng.random((2 * num if has_detours else num, DRAWS))
-    draws[:-num, WIDTH] = -1.0
+    draws[:-num, WIDTH] = DETOUR
     draws[-num:, WIDTH] = 1.0 - np.arange(num) / num
-    return draws
+    if num_goals == 0:
+        return draws
+    past = exploration.rng.random((FOR_EACH_GOAL * num_goals, DRAWS))
+    past[:, WIDTH] = GOAL
+    at = np.sort(exploration.rng.integers(0, len(draws) + 1, len(past)))
+    return np.insert(draws, at, past, axis=0)
 
 
 def loses_well_clear(objective: Objective, route: Route) -> bool:

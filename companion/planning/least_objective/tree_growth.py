@@ -26,6 +26,7 @@ from companion.types.plan import SearchTrace
 # A goal counts as passed within this share of its radius: the rest is the autopilot's error.
 GOAL_SHARE = 0.75
 LEAST_EXTENDED = 2_000  # Nodes that are extended even if the time is over; they take about 10 ms.
+BEYOND_GOAL = 30  # After so many extended nodes beyond a goal, those before it come last.
 BURST = 500  # Nodes that are extended between two checks of the time.
 MOTIONS = 9  # A node is extended by at most this many motions, each to a cell.
 # Room of the tree: rows for each extended node and each step of a motion.
@@ -43,7 +44,7 @@ class GrowthRules:
     danger_max : float
         Most danger from pursuers at which a place may be passed.
     most : int
-        How many nodes may be extended.
+        How many nodes may be extended for each goal.
     cost_max : float
         A path that costs this much or more is not sought [s].
     stride : int
@@ -85,7 +86,7 @@ class ObjectiveTree:
         rules: GrowthRules,
     ) -> None:
         problem, root = exploration.problem, exploration.tree
-        self._most = min(rules.most, problem.settings.max_iterations)
+        self._most = min(rules.most * len(problem.goals), problem.settings.max_iterations)
         self.end = UNFINISHED
         num = ROWS_EACH * rules.stride * (self._most + 1)
         self.nodes = nodes = _empty_nodes(num)
@@ -100,6 +101,7 @@ class ObjectiveTree:
             cells=Cells(np.zeros(size, dtype=np.int64), np.empty(size), np.empty(size)),
             heap=Heap(np.zeros(num), np.zeros(num, dtype=np.int64)),
             sizes=np.ones(2, dtype=np.int64),
+            extended=np.zeros(len(goals), dtype=np.int64),
             field=field,
             objective=objective,
             rules=Rules(
@@ -109,6 +111,7 @@ class ObjectiveTree:
                 danger_max=rules.danger_max,
                 cost_max=rules.cost_max,
                 stride=rules.stride,
+                beyond=BEYOND_GOAL,
             ),
             scene=exploration.scene(),
             work=exploration.work,

@@ -36,7 +36,8 @@ CORNERS = np.array([[480.0, 300.0], [520.0, 300.0], [520.0, 1000.0], [480.0, 100
 WALL = Obstacle("wall", CORNERS, 0.0, 300.0)
 
 
-def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL, stride=1):
+def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goals=(GOAL,), stride=1, beyond=30):
+    """A search through open space or round walls, past goals; each goal has its own layer of V."""
     limits = VehicleModel().limits(dimension, BOUNDS, 15.0, 1.0)
     packed = packed_obstacles(obstacles, BOUNDS)
     scene = scene_of(limits, obstacles=packed, bounds=BOUNDS)
@@ -46,10 +47,14 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL, s
     )  # fmt: skip
     shape = (21, 21, 1 if dimension == 2 else 5)
     grid = np.array([0.0, 0.0, 100.0 if dimension == 2 else 50.0, 50.0, 50.0, 50.0])
-    field = CostField(grid, np.zeros(shape[:2]), np.empty(shape), np.empty((1, *shape)), np.zeros(1))
+    num = len(goals)
+    field = CostField(grid, np.zeros(shape[:2]), np.empty(shape), np.empty((num, *shape)), np.zeros(num))
     fill_rate(field, objective, 100.0)
     heap = Heap(np.empty(20_000), np.empty(20_000, dtype=np.int64))
-    fill_cost_to_go(field, 0, np.array(goal), limits, heap)
+    for g in range(num - 1, -1, -1):
+        fill_cost_to_go(field, g, np.array(goals[g]), limits, heap)
+        if g > 0:
+            field.rest[g - 1] = field.rest[g] + cost_to_go(field, g, *goals[g - 1])
     nodes = Nodes(
         *(np.zeros((room, 6)), np.zeros(room, dtype=np.int64), np.zeros(room), np.zeros(room)),
         *(np.zeros(room, dtype=np.int64), np.full(room, limits.straight_min), np.zeros((room, 2))),
@@ -60,8 +65,11 @@ def search_for(*, dimension=2, obstacles=(), room=4000, weight=1.2, goal=GOAL, s
     return BestFirst(
         nodes=nodes, heap=heap,
         cells=Cells(np.zeros(2**14, dtype=np.int64), np.empty(2**14), np.empty(2**14)),
-        sizes=np.ones(2, dtype=np.int64), field=field, objective=objective,
-        rules=Rules(np.array([[*goal, 45.0]]), weight, math.inf, 1.0, math.inf, stride),
+        sizes=np.ones(2, dtype=np.int64), extended=np.zeros(num, dtype=np.int64),
+        field=field, objective=objective,
+        rules=Rules(
+            np.array([[*goal, 45.0] for goal in goals]), weight, math.inf, 1.0, math.inf, stride, beyond
+        ),
         scene=scene, work=work_for(10),
     )  # fmt: skip
 
@@ -95,7 +103,7 @@ def test_a_wall_is_flown_round_and_no_path_costs_less_than_v():
 
 def test_a_goal_above_is_climbed_to():
     above = (900.0, 500.0, 180.0)
-    search = search_for(dimension=3, goal=above)
+    search = search_for(dimension=3, goals=[above])
     path = path_to(search, grow_best_first(search, 3000))
     assert math.dist(path[-1, :3], above) <= 45.0
     assert path[:, 4].max() <= math.radians(10.0) + 1e-9
@@ -137,6 +145,33 @@ def test_a_larger_weight_costs_at_most_so_many_times_more(weight):
         search = search_for(obstacles=[WALL], weight=weighed)
         costs.append(search.nodes.cost[grow_best_first(search, 4000)])
     assert costs[1] <= weight * costs[0] * 1.1
+
+
+def test_nodes_before_a_goal_come_last_as_soon_as_some_beyond_it_are_extended():
+    """The way back from a goal costs a turn that V does not know: every node before the goal costs less."""
+    goals = [(800.0, 300.0, 100.0), (200.0, 700.0, 100.0), (800.0, 700.0, 100.0), (200.0, 300.0, 100.0)]
+    searches = [search_for(goals=goals, weight=1.0, room=100_000, beyond=num) for num in (30, 10**9)]
+    ends = [grow_best_first(search, 9_000) for search in searches]
+    assert min(ends) >= 0
+    totals = [search.extended.sum() for search in searches]
+    assert totals[0] < 0.75 * totals[1]
+    assert totals[0] == searches[0].work.stats[3]
+    costs = [search.nodes.cost[end] for search, end in zip(searches, ends, strict=True)]
+    assert costs[0] <= 1.02 * costs[1]
+
+
+def test_where_nothing_leads_on_from_a_goal_the_nodes_before_it_are_taken_up_again():
+    """Straight on from the first goal there is a wall. Who turned well before it keeps clear."""
+    ahead = np.array([[530.0, 0.0], [900.0, 0.0], [900.0, 1000.0], [530.0, 1000.0]])
+    goals = [(500.0, 500.0, 100.0), (500.0, 900.0, 100.0)]
+    obstacles = [Obstacle("ahead", ahead, 0.0, 300.0)]
+    search = search_for(goals=goals, obstacles=obstacles, weight=2.0, room=60_000, beyond=1)
+    while search.extended[1] == 0:
+        assert grow_best_first(search, 1) == UNFINISHED
+    before = search.extended[0]
+    end = grow_best_first(search, 8_000)
+    assert search.nodes.stage[end] == len(goals)
+    assert search.extended[0] > 2 * before
 
 
 LIMITS = VehicleModel().limits(3, (0.0, 3000.0, 0.0, 3000.0, 0.0, 900.0), 15.0, 1.0)

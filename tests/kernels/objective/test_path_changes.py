@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.kernels.objective.path_changes import DRAWS, changed, next_gain, passes
+from companion.kernels.objective.path_changes import (
+    DRAWS,
+    GOAL,
+    changed,
+    next_gain,
+    passed_elsewhere,
+    passes,
+)
 from companion.kernels.objective.row_costs import Objective, Prices, rows_cost
 from companion.kernels.search.path_edit import join
 from companion.kernels.workspace import PathRows, empty_rows
@@ -114,6 +121,33 @@ def test_detours_begin_near_the_start():
     rows, n = path_over((1200.0, 0.0))
     draw = np.array([-1.0, 20.5 / 46.0, 0.99, 0.5, 0.5, 0.1, 0.6, 0.0])
     assert changed(rows, n, draw, objective(), empty_rows(ROOM))[0] == 5
+
+
+def test_another_way_past_a_goal_by_hand():
+    """The path turns from east to north on a quarter circle; its goal of 60 m is in the middle of the turn.
+
+    The change begins 20 of 60 rows before the one before the row that is nearest to the goal's centre. It
+    leads past a place in the north-west (3/8 of a turn from east), half of the radius from the centre (the
+    root of 1/4), on a course that is 9° (a tenth of 90°) to the left. That cuts the corner.
+    """
+    rows, n = path_over((600.0, 0.0))
+    for north in (125.0, 600.0):
+        _, n = join(rows, n, np.array([725.0, north, 200.0, math.pi / 2, 0.0, 25.0]), objective().limits)
+    middle = np.array([600.0 + 125.0 * math.sin(math.pi / 4), 125.0 - 125.0 * math.cos(math.pi / 4), 200.0])
+    apart = np.linalg.norm(rows.states[:n, :3] - middle, axis=1)
+    nearest = apart.argmin()
+    draw, out = drawn(GOAL, 0.0, 20.5 / 60.0, 0.2, 0.0, 0.25, 0.375, 0.55), empty_rows(ROOM)
+    goal = np.array([[*middle, 60.0]])
+    first, m = passed_elsewhere(rows, n, draw, goal[0], objective(), out)
+    assert first == nearest - 1 - 20
+    assert out.states[m - 1] == pytest.approx(rows.states[n - 1])
+    place = middle + np.array([-30.0 * math.sqrt(0.5), 30.0 * math.sqrt(0.5), 0.0])
+    away = np.linalg.norm(out.states[:m, :3] - place, axis=1)
+    assert away.min() == pytest.approx(0.0, abs=1e-6)
+    assert out.states[away.argmin(), 3] == pytest.approx(rows.states[nearest, 3] + math.radians(9.0))
+    j = objective()
+    assert next_gain(rows, n, np.array([draw]), goal, j, empty_rows(ROOM)) == (0, m)
+    assert rows_cost(out, 1, m, j) < rows_cost(rows, 1, n, j)
 
 
 UNIFORM = st.floats(0.0, 1.0, exclude_max=True)
