@@ -30,7 +30,7 @@ def test_the_pythons_are_those_of_the_project_and_of_its_tests():
 
 
 def test_each_autopilot_is_told_of_where_its_flights_are():
-    measured = (ROOT / "docs" / "measured.md").read_text(encoding="utf-8")
+    measured = (ROOT / "docs" / "real-autopilots.md").read_text(encoding="utf-8")
     rows = table_under("Autopilots")
     assert {row[0] for row in rows} == {"ArduPlane", "PX4"}
     for autopilot, version, _ in rows:
