@@ -72,7 +72,7 @@ class CircleAside:
             return self._give_up(agreement, utc_s)
         requests = agreement.requests(utc_s)
         asked = frozenset((plan.member, plan.number) for plan in requests)
-        if asked <= self._asked or _leaves_by_itself(state, self._link.autopilot.current):
+        if asked <= self._asked or _leaves_by_itself(state, agreement, self._link.autopilot.current, utc_s):
             return False
         self._asked = asked
         who, place = listed(plan.member for plan in requests), None
@@ -104,12 +104,28 @@ class CircleAside:
         self._announcer.decide(DecisionKind.TEAM, text, tell=tell, about=who, member=who)
 
 
-def _leaves_by_itself(state: FlightState, current: MissionCurrent | None) -> bool:
+def _leaves_by_itself(
+    state: FlightState, agreement: Agreement, current: MissionCurrent | None, utc_s: float
+) -> bool:
     """Return whether the aircraft flies a mission that leads to a goal, or the operator's items behind it."""
     if state.goals_left:
-        return state.may_act and state.flies_to_goal
+        is_on_way = _leads_on(state) or not _is_circling(agreement, utc_s)
+        return state.may_act and state.flies_to_goal and is_on_way
     is_behind = state.mission_list.position(current) is MissionPosition.PAST_GOAL
     return is_behind and state.motion is Motion.MISSION
+
+
+def _leads_on(state: FlightState) -> bool:
+    """Return whether the flown mission leads to the last goal, or on behind it, and not into a circle."""
+    flown = state.flown
+    if not state.goals_left:
+        return goes_on_behind(state)
+    return flown is not None and state.flies_to_goal and math.isinf(flown.covered_s(flown.row))
+
+
+def _is_circling(agreement: Agreement, utc_s: float) -> bool:
+    """Return whether a member is in the circle at the end of its committed plan."""
+    return agreement.committed is not None and agreement.committed.circles_at(utc_s)
 
 
 def may_move_aside(
@@ -131,13 +147,10 @@ def may_move_aside(
         UTC time [s].
     """
     is_planned = state.mode in (Mode.ARRIVED, Mode.ACTIVE)
-    leads_on = state.flies_to_goal if state.goals_left else goes_on_behind(state)
     is_in_list = state.motion is Motion.MISSION
     is_at_end = state.mission_list.position(current) is MissionPosition.OURS
-    plan = agreement.committed
-    is_circling = plan is not None and plan.circles_at(utc_s)
-    is_settled = is_planned and not leads_on and not state.is_returning
-    return is_settled and is_in_list and is_at_end and is_circling
+    is_settled = is_planned and not _leads_on(state) and not state.is_returning
+    return is_settled and is_in_list and is_at_end and _is_circling(agreement, utc_s)
 
 
 def circle_aside(

@@ -132,6 +132,10 @@ def test_only_an_aircraft_that_circles_with_no_way_on_and_that_no_pilot_flies_mo
     assert may_move_aside(replace(state, mode=Mode.ACTIVE, is_on_call=True), agreement, None, LATER_S)
     assert may_move_aside(waits, agreement, None, LATER_S)
     assert may_move_aside(replace(waits, tail_enu_m=(0.0, 0.0, 0.0)), agreement, None, LATER_S)
+    # The path leads to the goal. The mission covers 40 of its 60 s, and the aircraft is in the circle there.
+    ends_before = replace(waits, flown=replace(LEADS_ON, covered_until_s=40.0, row=40))
+    assert may_move_aside(ends_before, agreement, None, LATER_S)
+    assert not may_move_aside(ends_before, agreement, None, BEGIN_S - 1.0)  # Its next mission may come yet.
 
 
 @pytest.mark.parametrize("last", [Command.NAV_WAYPOINT, Command.NAV_LOITER_UNLIM])
