@@ -98,11 +98,21 @@ class TeamFlight:
             )
             for number, mission in enumerate(missions, 1)
         ]  # fmt: skip
+        self._set_return_heights()
         weather = self.mission.simulation
         self.radio = Radio(
             [flight.simulator for flight in self.flights], range_m=weather.radio_range_m,
             loss=weather.radio_loss if self.shares else 1.0, delay_s=weather.radio_delay_s, seed=self.seed,
         )  # fmt: skip
+
+    def _set_return_heights(self) -> None:
+        """Give each member a return height of its own; some share one where the bounds have too few."""
+        apart_m, most_m = self._team.apart_up_m + 2.0 * self._team.tolerance_up_m, self.mission.bounds.up_m[1]
+        name = self.dialect.parameter_names["return_height_m"]
+        for number, flight in enumerate(self.flights):
+            parameters = flight.simulator.autopilot.parameters
+            room = max(int((most_m - parameters[name]) // apart_m) + 1, 1)
+            parameters[name] += number % room * apart_m
 
     def missions(self) -> list[MissionConfig]:
         """Return the missions of all members."""

@@ -86,19 +86,34 @@ def test_two_whose_landings_cross_fly_to_them_one_after_the_other(shares_landing
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("apart_m", [0.0, 40.0], ids=["same height", "own heights"])
 @BOTH
-def test_pilots_of_two_that_return_towards_each_other_are_told(dialect, monkeypatch):
-    """Returns are not agreed: these two come within 40 m. Both pilots have half a minute."""
+def test_two_that_return_towards_each_other_are_kept_apart_by_their_return_heights_only(
+    dialect, apart_m, monkeypatch
+):
+    """Returns are not agreed: on one height these two come within 40 m. Both pilots have half a minute.
+
+    That the heights are too near is told before: when the autopilots' parameters are known.
+    """
     monkeypatch.setattr(sim.sitl.Flight, "limit_s", 150.0)
     team = Disturbed(mission_from_text(LONG, "long.yaml"), 2, 1, dialect)
+    for number, flight in enumerate(team.flights):
+        parameters = flight.simulator.autopilot.parameters
+        parameters[dialect.parameter_names["return_height_m"]] = 100.0 + number * apart_m
     team.switched = [(110.0, 1, "RTL"), (110.0, 2, "RTL")]
     fly_team(team)
-    away_m, _, nearest_s = team.least_m[1, 2]
-    assert away_m < 60.0
+    away_m, up_m, nearest_s = team.least_m[1, 2]
+    assert team.is_separate is (apart_m > 0.0)
     for flight in team.flights:
-        told_s = [entry.stamp_s for entry in flight.recorder.decisions if entry.kind == "traffic"]
-        assert told_s[0] > 110.0  # Not before, while both fly what they have agreed to.
-        assert nearest_s - told_s[0] > 25.0
+        decided = flight.recorder.decisions
+        checks = [entry.stamp_s for entry in decided if "RTL height near system" in entry.text]
+        assert [stamp_s < 30.0 for stamp_s in checks] == ([] if apart_m else [True])
+        if not apart_m:
+            assert away_m < 60.0
+            assert up_m < 20.0
+            told_s = [entry.stamp_s for entry in decided if entry.kind == "traffic"]
+            assert told_s[0] > 110.0  # Not before, while both fly what they have agreed to.
+            assert nearest_s - told_s[0] > 25.0
 
 
 @pytest.mark.thorough
@@ -151,19 +166,28 @@ def test_a_member_that_has_arrived_moves_for_one_whose_goal_lies_behind_its_circ
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("dialect", "moves"), [(Dialect.ARDUPILOT, True), (Dialect.PX4, True), (Dialect.ARDUPILOT, False)]
+    ("dialect", "seed", "moves"),
+    [
+        (Dialect.ARDUPILOT, 2, True),
+        (Dialect.PX4, 2, True),
+        (Dialect.PX4, 6, True),
+        (Dialect.ARDUPILOT, 2, False),
+    ],
 )
-def test_of_two_that_bar_each_other_one_moves_and_flies_its_goal_afterwards(dialect, moves, monkeypatch):
+def test_of_two_that_bar_each_other_one_moves_and_flies_its_goal_afterwards(
+    dialect, seed, moves, monkeypatch
+):
     """Beside it the same flight in which nobody is requested to move: neither arrives.
 
-    A PX4 passes its goal once the other one has come back through the corridor to its landing.
+    A PX4 passes its goal once the other one has come back through the corridor to its landing. With these
+    seeds one of them circles at the end of a mission whose path leads to the goal.
     """
     if moves:
         monkeypatch.setattr(sim.sitl.Flight, "limit_s", 800.0)
     else:
         monkeypatch.setattr(replanning, "BARRED_S", math.inf)
     mission = mission_from_text(CORRIDOR.replace("[1500, ", "[300, ").replace("[2900, ", "[3100, "), "c.yaml")
-    team = flown(mission, 2, 0.2, dialect, 2, kind=PlacedTeam, places=HEAD_ON)
+    team = flown(mission, 2, 0.2, dialect, seed, kind=PlacedTeam, places=HEAD_ON)
     assert sorted(team.arrived_s) == ([1, 2] if moves else [])
     assert team.is_separate
     assert team.hit_s == {}

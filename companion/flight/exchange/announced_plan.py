@@ -15,7 +15,7 @@ from companion.flight.construction.mission_construction import ConstructedMissio
 from companion.flight.construction.way_behind import with_way_behind
 from companion.flight.prediction.mode_tracks import mode_tracks
 from companion.flight.prediction.obstacle_ahead import is_clear
-from companion.flight.prediction.return_path import STEP_S
+from companion.flight.prediction.return_path import STEP_S, return_altitude_m
 from companion.flight.state.decision import Verdict
 from companion.flight.state.flight_state import FlightState
 from companion.frames import FloatArray
@@ -128,6 +128,34 @@ def can_wait(state: FlightState, ownship: Ownship, current: MissionCurrent | Non
     tracks = mode_tracks(state, ownship, current, WAITS_S)
     clear = [is_clear(state, track) for track in tracks.positions_enu_m]
     return any(clear) if tracks.is_steered else all(clear)
+
+
+def returns_apart_m(config: TeamConfig) -> float:
+    """Return the vertical distance of two returns to launch that keeps their aircraft apart [m]."""
+    return float(config.apart_up_m + 2.0 * config.tolerance_up_m)
+
+
+def returns_near(
+    state: FlightState, ownship: Ownship, agreement: Agreement, config: TeamConfig
+) -> frozenset[int]:
+    """Let the member send the altitude of its return; return the others that return at nearly the same one.
+
+    Nobody approves a return, so that only its altitude keeps two apart that return at once.
+
+    Parameters
+    ----------
+    state : FlightState
+        Home, rally points, and the autopilot's parameters.
+    ownship : Ownship
+        The aircraft now.
+    agreement : Agreement
+        The member's part in the agreement.
+    config : TeamConfig
+        The distances.
+    """
+    own_m = agreement.return_altitude_m = return_altitude_m(state, ownship)
+    others = agreement.return_altitudes_m.items() if own_m is not None else ()
+    return frozenset(other for other, up_m in others if abs(up_m - (own_m or 0.0)) < returns_apart_m(config))
 
 
 class AnnouncedPlan:

@@ -12,7 +12,14 @@ from dataclasses import dataclass, replace
 
 from companion.clock import Clock
 from companion.flight.construction.mission_construction import ConstructedMission
-from companion.flight.exchange.announced_plan import AnnouncedPlan, announced_rows, can_wait, proposed_plan
+from companion.flight.exchange.announced_plan import (
+    AnnouncedPlan,
+    announced_rows,
+    can_wait,
+    proposed_plan,
+    returns_apart_m,
+    returns_near,
+)
 from companion.flight.exchange.circle_aside import (
     CircleAside,
     circles_of,
@@ -95,6 +102,7 @@ class TeamExchange:
         self._announced = AnnouncedPlan()
         self._is_asking = self._is_waiting = False
         self._lost = frozenset[int]()
+        self._returns_near = frozenset[int]()
         self._aside = CircleAside(flight, link, announcer)
         # When each member was sighted last [s], and where [m].
         self._sightings: dict[int, tuple[float, tuple[float, float, float]]] = {}
@@ -131,6 +139,7 @@ class TeamExchange:
         if agreement is None or utc_s is None:
             return False
         self._announce(agreement, utc_s)
+        self._compare_returns(agreement)
         lost = agreement.members_lost(utc_s)
         has_other_goals = self._share_goals(agreement, utc_s, lost) or self._aside.look(agreement, utc_s)
         for payload in agreement.outgoing(utc_s):
@@ -179,6 +188,18 @@ class TeamExchange:
         if anew or self._announced.is_due(agreement, ownship, utc_s):
             rows = announced_rows(state, ownship, self._link.autopilot.current)
             agreement.announce(self._announced.plan(rows, config, utc_s - now_s))
+
+    def _compare_returns(self, agreement: Agreement) -> None:
+        """Inform the pilot of members that return to launch at nearly the same altitude."""
+        state, ownship = self._flight.state, self._ownship.state(self._clock.now_s())
+        config = state.mission.team
+        if config is None or ownship is None:
+            return
+        near = returns_near(state, ownship, agreement, config)
+        if near - self._returns_near:
+            fault = f"RTL height near system {listed(near)}'s: {returns_apart_m(config):.0f} m needed"
+            self._announcer.decide(DecisionKind.TEAM, fault, tell="check", about="return height", fault=fault)
+        self._returns_near = near
 
     # --- proposals
 

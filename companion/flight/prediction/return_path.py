@@ -147,6 +147,33 @@ def is_unpredictable(state: FlightState) -> bool:
     return state.holds_rally_points or kind not in (HOME, LANDING, NEAREST)
 
 
+def return_altitude_m(state: FlightState, ownship: Ownship) -> float | None:
+    """Return the altitude above mean sea level at which a return to launch circles at its end [m].
+
+    Parameters
+    ----------
+    state : FlightState
+        Home, rally points, and the autopilot's parameters.
+    ownship : Ownship
+        The aircraft now: it may return to the nearest of several places.
+
+    Returns
+    -------
+    float or None
+        None if the altitude is not known, is that of the flight, or the return ends in a landing.
+    """
+    home, height, kind = state.home_enu_m, state.settings.return_height_m, state.settings.return_kind
+    if home is None or height is None or height < 0.0 or is_unpredictable(state):
+        return None
+    if state.flies_by:
+        ends_in_landing = kind in (LANDING_AT_ONCE, BY_RETURN_PATH) and state.tail_enu_m is not None
+        up_m = _arduplane_end(state, ownship, home)[2]
+    else:
+        ends_in_landing = kind == BY_MISSION
+        up_m = _px4_end(state, ownship, home)[2] + height
+    return None if ends_in_landing else float(state.mission.origin.altitude_amsl_m) + up_m
+
+
 def start_of_return(state: FlightState) -> Command | None:
     """Return the command with which return paths begin that the autopilot joins; None if it joins none."""
     joins = state.flies_by and state.joins_returns

@@ -34,18 +34,19 @@ from companion.mission.team.peer import Deviations, Peer, Proposal
 from companion.mission.team.plan_parts import PlanParts
 from companion.mission.team.separation import Margin, is_too_near, margin_of
 from companion.mission.team.shared_plan import SharedPlan
+from companion.mission.team.standing import PayloadError, Standing
 from companion.mission.team.team_settings import TeamSettings
 from companion.mission.team.wire import (
     BidMessage,
     Fragment,
-    PayloadError,
     Report,
-    Standing,
+    ReturnAltitude,
     next_number,
     plan_payloads,
     read_payload,
     read_plan,
     report_payloads,
+    return_payload,
     transmitted_plan,
 )
 
@@ -90,6 +91,13 @@ class Agreement:
         :meth:`commit` once it is flown; until then both plans are kept clear of.
     auction : GoalAuction, optional
         The member's part in the auction of goals, if the team shares its goals.
+
+    Attributes
+    ----------
+    return_altitude_m : float or None
+        Altitude above mean sea level of this member's return to launch [m], which it sends; None if unknown.
+    return_altitudes_m : dict of int to float
+        Those of the others that were received [m].
     """
 
     def __init__(
@@ -108,6 +116,8 @@ class Agreement:
         self.member = member
         self.auction = auction
         self.counters: Counter[str] = Counter()
+        self.return_altitude_m: float | None = None
+        self.return_altitudes_m: dict[int, float] = {}
         self._members = tuple(sorted({*members, member}))
         self._frame, self._settings = frame, settings
         self._margin = margin or margin_of(settings)
@@ -337,6 +347,8 @@ class Agreement:
         elif isinstance(message, BidMessage):
             if self.auction is not None:
                 self.auction.receive(sender, message.bid, now_s)
+        elif isinstance(message, ReturnAltitude):
+            self.return_altitudes_m[sender] = message.altitude_m
         elif self.member in message.concerned:
             self._take_report(sender, message, now_s)
 
@@ -360,6 +372,8 @@ class Agreement:
             payloads += plan_payloads(self._standing, self._committed, self._frame)
         if self.auction is not None:
             payloads += self.auction.payloads(self._standing, self._pacing, now_s)
+        if self.return_altitude_m is not None and self._pacing.takes_return(now_s):
+            payloads.append(return_payload(self._standing, self.return_altitude_m))
         if payloads:
             self._pacing.spend(payloads)
         return payloads

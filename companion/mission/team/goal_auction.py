@@ -28,12 +28,12 @@ import numpy as np
 
 from companion.frames import FloatArray, LocalFrame
 from companion.mission.team.pacing import Pacing
+from companion.mission.team.standing import Standing
 from companion.mission.team.wire import (
     AIRSPEED_STEP_M_S,
     AIRSPEED_STEPS_MAX,
     TICK_S,
     GoalBid,
-    Standing,
     bid_payload,
     tick_near,
 )

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from companion.mission.team.team_settings import TeamSettings
 from companion.token_bucket import TokenBucket
 
+RETURN_S = 20.0  # Time between two sendings of the altitude of a return to launch.
 BURST_S = 10.0  # A member may save up its share of this time, and send it at once.
 
 
@@ -31,7 +32,7 @@ class Pacing:
         self._bucket = TokenBucket(rate, rate * BURST_S)
         self._reported_s = self._planned_s = self._repeated_s = -math.inf
         self._has_news = self._is_wanted = False
-        self._bid_s = -math.inf
+        self._bid_s = self._return_s = -math.inf
 
     def note_proposal(self, now_s: float) -> None:
         """Send the new proposal at once, and ask who has not answered a while later."""
@@ -97,6 +98,13 @@ class Pacing:
         if now_s - self._bid_s < each_s or not self._bucket.has_any(now_s):
             return False
         self._bid_s = now_s
+        return True
+
+    def takes_return(self, now_s: float) -> bool:
+        """Return whether the altitude of a return to launch is sent now."""
+        if now_s - self._return_s < RETURN_S or not self._bucket.has_any(now_s):
+            return False
+        self._return_s = now_s
         return True
 
     def spend(self, payloads: Iterable[bytes]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.mission.team.shared_plan import SharedPlan
-from companion.mission.team.wire import Standing
+from companion.mission.team.standing import Standing
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,15 +25,20 @@ from functools import lru_cache
 import numpy as np
 
 from companion.frames import M_PER_E7, FloatArray, LocalFrame, longitude_scale
-from companion.mission.team.shared_plan import NUMBERS, SharedPlan, is_newer, largest_distance, simplified
+from companion.mission.team.shared_plan import NUMBERS, SharedPlan, largest_distance, simplified
+from companion.mission.team.standing import (
+    CACHED,
+    HEADER,
+    PAYLOAD_BYTES,
+    PayloadError,
+    Standing,
+    packed_header,
+    read_header,
+)
 
-PAYLOAD_BYTES = 128
-VERSION = 1
-REPORT, PLAN, BID = 1, 2, 3
-HAS_COMMITTED, HAS_LATEST, IS_PENDING = 1, 2, 4
+REPORT, PLAN, BID, RETURN = 1, 2, 3, 4
 IS_EMERGENCY, IS_REQUEST = 1, 2
 
-HEADER = struct.Struct("<BBHH")  # version and kind, flags, committed number, latest number
 COUNTS = struct.Struct(
     "<BBBB"
 )  # approvals, refusals, members whose plan is missing, bytes of awaited members
@@ -41,6 +46,7 @@ ANSWER = struct.Struct("<BH")  # member, plan number
 FRAGMENT = struct.Struct("<HB")  # plan number, place among the fragments and their number
 PLAN_HEAD = struct.Struct("<BBIiiBHHHHBH")
 ROW = struct.Struct("<HhhH")  # time, east, north, altitude
+ALTITUDE = struct.Struct("<H")
 BID_HEAD = struct.Struct("<IiiBBH")  # time, latitude, longitude, airspeed, goal, time that it takes
 
 FRAGMENT_BYTES = PAYLOAD_BYTES - HEADER.size - FRAGMENT.size
@@ -59,38 +65,6 @@ SHARED_GOALS_MAX = 200
 SLACK_M = (
     0.1  # Receivers have origins of their own, and straight lines differ by less than this between them.
 )
-CACHED = 4096  # Payloads are repeated, and a decoded plan is the same object for all who ask for it.
-
-
-class PayloadError(ValueError):
-    """A payload that cannot be what it says; its argument is the reason it is counted under."""
-
-
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """The part of every payload in which a member describes its own plans.
-
-    Parameters
-    ----------
-    committed : int or None
-        Number of its committed plan; None if it has none.
-    latest : int or None
-        Number of its latest plan, proposed or not; None if it never proposed one.
-    is_pending : bool
-        True while the latest plan is proposed; then it is neither committed nor withdrawn.
-    """
-
-    committed: int | None = None
-    latest: int | None = None
-    is_pending: bool = False
-
-    def is_later_than(self, other: Standing | None) -> bool:
-        """Return whether a member said this after it said the other; what it says only ever moves on."""
-        if self.latest is None or other is None or other.latest is None:
-            return other is None or (other.latest is None and self.latest is not None)
-        if self.latest == other.latest:
-            return other.is_pending and not self.is_pending
-        return is_newer(self.latest, other.latest)
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +176,31 @@ def bid_payload(standing: Standing, bid: GoalBid) -> bytes:
         bid.tick % TICKS, bid.latitude_e7, bid.longitude_e7, min(bid.airspeed_steps, AIRSPEED_STEPS_MAX),
         goal, min(bid.takes_ticks, 65_535),
     )  # fmt: skip
-    return _header(BID, standing) + head + bid.flown.to_bytes((bid.flown.bit_length() + 7) // 8, "little")
+    return (
+        packed_header(BID, standing) + head + bid.flown.to_bytes((bid.flown.bit_length() + 7) // 8, "little")
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnAltitude:
+    """The altitude in which a member returns to launch, with its standing.
+
+    Parameters
+    ----------
+    standing : Standing
+        Numbers of the sender's plans.
+    altitude_m : float
+        Altitude above mean sea level [m].
+    """
+
+    standing: Standing
+    altitude_m: float
+
+
+def return_payload(standing: Standing, altitude_m: float) -> bytes:
+    """Return the altitude above mean sea level [m] of a return to launch as a payload of 8 bytes."""
+    steps = round((altitude_m - ALTITUDE_MIN_M) / ALTITUDE_STEP_M)
+    return packed_header(RETURN, standing) + ALTITUDE.pack(min(max(steps, 0), 65_535))
 
 
 def report_payloads(report: Report) -> list[bytes]:
@@ -227,7 +225,7 @@ def report_payloads(report: Report) -> list[bytes]:
             counts[kind] += 1
             body += packed
         payloads.append(
-            _header(REPORT, report.standing) + COUNTS.pack(*counts, len(awaited)) + body + awaited
+            packed_header(REPORT, report.standing) + COUNTS.pack(*counts, len(awaited)) + body + awaited
         )
         awaited = b""
     return payloads
@@ -237,7 +235,7 @@ def plan_payloads(standing: Standing, plan: SharedPlan, frame: LocalFrame) -> li
     """Return a plan that :func:`transmitted_plan` made as payloads."""
     body = _plan_body(plan, frame)
     parts = [body[at : at + FRAGMENT_BYTES] for at in range(0, len(body), FRAGMENT_BYTES)]
-    head = _header(PLAN, standing)
+    head = packed_header(PLAN, standing)
     return [
         head + FRAGMENT.pack(plan.number, index << 4 | len(parts)) + part for index, part in enumerate(parts)
     ]
@@ -278,7 +276,7 @@ def transmitted_plan(plan: SharedPlan, frame: LocalFrame, simplify_m: float = 0.
 
 
 @lru_cache(maxsize=CACHED)
-def read_payload(payload: bytes) -> Report | Fragment | BidMessage:
+def read_payload(payload: bytes) -> Report | Fragment | BidMessage | ReturnAltitude:
     """Return what a payload says.
 
     Parameters
@@ -291,19 +289,18 @@ def read_payload(payload: bytes) -> Report | Fragment | BidMessage:
     PayloadError
         If it cannot be what it says.
     """
-    if not HEADER.size <= len(payload) <= PAYLOAD_BYTES:
-        raise PayloadError("length")
-    kind, flags, committed, latest = HEADER.unpack_from(payload)
-    if kind >> 4 != VERSION:
-        raise PayloadError("version")
-    standing = _read_standing(flags, committed, latest)
+    kind, standing = read_header(payload)
     body = payload[HEADER.size :]
-    if kind & 0xF == REPORT:
+    if kind == REPORT:
         return _read_report(standing, body)
-    if kind & 0xF == PLAN:
+    if kind == PLAN:
         return _read_fragment(standing, body)
-    if kind & 0xF == BID:
+    if kind == BID:
         return BidMessage(standing, _read_bid(body))
+    if kind == RETURN:
+        if len(body) != ALTITUDE.size:
+            raise PayloadError("return_length")
+        return ReturnAltitude(standing, ALTITUDE_MIN_M + ALTITUDE_STEP_M * ALTITUDE.unpack(body)[0])
     raise PayloadError("kind")
 
 
@@ -364,32 +361,6 @@ def _read_plan(body: bytes, member: int, number: int, frame: LocalFrame, near_s:
         is_emergency=bool(flags & IS_EMERGENCY), room=room, first_radius_m=first_radius * TENTH_M,
         is_request=bool(flags & IS_REQUEST),
     )  # fmt: skip
-
-
-def _header(kind: int, standing: Standing) -> bytes:
-    flags = (
-        (HAS_COMMITTED if standing.committed is not None else 0)
-        | (HAS_LATEST if standing.latest is not None else 0)
-        | (IS_PENDING if standing.is_pending else 0)
-    )
-    return HEADER.pack(VERSION << 4 | kind, flags, standing.committed or 0, standing.latest or 0)
-
-
-@lru_cache(maxsize=CACHED)
-def _read_standing(flags: int, committed: int, latest: int) -> Standing:
-    """Return what a header says of its sender; numbers that no member can have are refused."""
-    is_pending = bool(flags & IS_PENDING)
-    if not flags & HAS_LATEST:
-        is_possible = not flags & HAS_COMMITTED and not is_pending
-    elif not flags & HAS_COMMITTED:
-        is_possible = True
-    else:
-        is_possible = is_newer(latest, committed) or (latest == committed and not is_pending)
-    if not is_possible:
-        raise PayloadError("standing")
-    return Standing(
-        committed if flags & HAS_COMMITTED else None, latest if flags & HAS_LATEST else None, is_pending
-    )
 
 
 def _read_report(standing: Standing, body: bytes) -> Report:

@@ -25,10 +25,11 @@ from companion.mission.team.team_settings import TeamSettings
 from companion.mission.waypoints import Waypoints
 from companion.planning.problem import GoalRegion
 from companion.types.events import ClockReported, Motion, TeamMessage
-from companion.types.state import Ownship
+from companion.types.state import AutopilotSettings, Ownship
 from companion.types.threat import TrackState
 from tests.flight.construction.test_cycle import state
 from tests.flight.prediction.test_mode_tracks import in_mode
+from tests.flight.prediction.test_return_path import made
 from tests.flight.replanning.test_surprise import LONG
 from tests.mission.team.team_plans import FRAME
 from tests.support.paths import path_of
@@ -51,6 +52,7 @@ class Team:
             mission=SimpleNamespace(
                 team=team, frame=FRAME, bounds=BOUNDS, team_members=team.members if team else ()
             ), flown=None, turn_radius_m=80.0, next_own=None, tail_enu_m=None,
+            home_enu_m=None, settings=AutopilotSettings(),
             motion=Motion.STEERED, target_enu_m=None, rules=SimpleNamespace(checker=checker),
         )  # fmt: skip
         self.own = Ownship(0.0, (0.0, 0.0, 100.0), 0.0, 0.0, 20.0, 0.0)
@@ -247,6 +249,25 @@ def test_the_pilot_is_told_of_a_member_that_is_lost_and_of_its_return():
     assert team.exchange.agreement.outcome() is Outcome.NONE
     team.talk(110.0)
     assert team.told == ["system 3 is lost", "system 3 is received"]
+
+
+def test_the_pilot_is_told_once_of_members_that_return_at_nearly_the_same_height():
+    """30 m and twice 10 m are needed: 49 m are too few."""
+    section = f"team: {TEAM.model_dump_json()}\n"
+    team = Team(owner=StateOwner(made(extra=section))).begin()
+    own_m = 584.0 + 100.0  # Home's altitude, which is that of the origin, and RTL_ALTITUDE.
+    team.others[2].return_altitude_m, team.others[3].return_altitude_m = own_m + 50.0, own_m - 50.0
+    team.talk(60.0)
+    assert team.told == []
+    assert team.others[2].return_altitudes_m == {1: own_m, 3: own_m - 50.0}
+    team.others[3].return_altitude_m = own_m - 49.0
+    team.talk(120.0)
+    assert team.told == ["RTL height near system 3's: 50 m needed"]
+    team.others[3].return_altitude_m = own_m - 50.0
+    team.talk(180.0)
+    team.others[2].return_altitude_m = own_m
+    team.talk(240.0)
+    assert team.told[1:] == ["RTL height near system 2's: 50 m needed"]
 
 
 def test_an_emergency_goes_before_the_proposals_of_others():

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point
 
-from companion.flight.prediction.return_path import return_path, return_tracks
+from companion.flight.prediction.return_path import return_altitude_m, return_path, return_tracks
 from companion.flight.state.flight_state import (
     after_home_reported,
     after_rally_points,
@@ -78,6 +78,28 @@ def test_a_return_is_flown_at_the_autopilots_cruise_unless_the_aircraft_is_faste
     here = replace(HERE, airspeed_m_s=airspeed, ground_speed_m_s=airspeed)
     steps_m = np.linalg.norm(np.diff(way_of(made_state, here)[:, :2], axis=0), axis=1)
     assert np.median(steps_m) / 0.5 == pytest.approx(flown, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("settings", "up_m"),
+    [
+        (ARDUPLANE, 100.0),
+        (replace(ARDUPLANE, return_kind=2.0), 100.0),  # There is no landing.
+        (replace(ARDUPLANE, return_height_m=-1.0), None),
+        (replace(ARDUPLANE, return_height_m=None), None),
+        (replace(ARDUPLANE, return_kind=None), None),
+        (PX4, 60.0),
+        (replace(PX4, return_kind=2.0), None),
+    ],
+)
+def test_the_altitude_of_a_return_counts_from_home(settings, up_m):
+    """Home is 10 m above the origin, which is 584 m above the sea."""
+    found = return_altitude_m(made(settings, home=(0.0, 0.0, 10.0)), HERE)
+    assert found == (None if up_m is None else pytest.approx(584.0 + 10.0 + up_m, abs=0.01))
+
+
+def test_the_altitude_of_a_return_to_a_rally_point_is_that_of_the_point():
+    assert return_altitude_m(made(rally=[(3000.0, 1200.0, 130.0)]), HERE) == pytest.approx(584.0 + 130.0)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,8 @@ import numpy as np
 from companion.mission.team.agreement import Agreement
 from companion.mission.team.plan_parts import PlanParts
 from companion.mission.team.shared_plan import SharedPlan
-from companion.mission.team.wire import HEADER, Fragment, Report, Standing, read_payload, report_payloads
+from companion.mission.team.standing import HEADER, Standing
+from companion.mission.team.wire import Fragment, Report, read_payload, report_payloads
 from tests.mission.team.team_plans import BEGIN_S, FRAME, SETTINGS
 
 AT_ONCE = replace(

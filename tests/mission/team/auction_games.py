@@ -10,7 +10,8 @@ import numpy as np
 
 from companion.mission.team.goal_auction import GoalAuction
 from companion.mission.team.pacing import Pacing
-from companion.mission.team.wire import Standing, read_payload
+from companion.mission.team.standing import Standing
+from companion.mission.team.wire import read_payload
 from tests.mission.team.team_plans import BEGIN_S, FRAME, SETTINGS
 
 LOST_S = 40.0  # A member that is not heard for so long is lost.

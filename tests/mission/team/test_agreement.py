@@ -8,7 +8,8 @@ import pytest
 
 from companion.mission.team.agreement import Agreement, Outcome
 from companion.mission.team.separation import PackedPlans, margin_between, margin_of
-from companion.mission.team.wire import Report, Standing, report_payloads
+from companion.mission.team.standing import Standing
+from companion.mission.team.wire import Report, report_payloads
 from tests.mission.team.team_plans import BEGIN_S, FRAME, SETTINGS, plan, zigzag
 
 EAST = plan((-1000, 0, 100), (1000, 0, 100))

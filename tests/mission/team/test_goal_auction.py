@@ -13,7 +13,8 @@ from companion.config.reload import check_change
 from companion.errors import ConfigError
 from companion.mission.team.agreement import Agreement
 from companion.mission.team.goal_auction import GoalAuction
-from companion.mission.team.wire import GoalBid, PayloadError, Standing, bid_payload, read_payload
+from companion.mission.team.standing import PayloadError, Standing
+from companion.mission.team.wire import GoalBid, bid_payload, read_payload
 from tests.mission.team.all_orders import DRAFT
 from tests.mission.team.auction_games import AuctionGame, Weather
 from tests.mission.team.shared_goal_flights import TEXT, mission_of

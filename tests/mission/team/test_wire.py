@@ -7,17 +7,16 @@ from hypothesis import strategies as st
 
 from companion.frames import LocalFrame
 from companion.mission.team.shared_plan import SharedPlan
+from companion.mission.team.standing import PAYLOAD_BYTES, PayloadError, Standing
 from companion.mission.team.wire import (
-    PAYLOAD_BYTES,
     ROWS_MAX,
     Fragment,
-    PayloadError,
     Report,
-    Standing,
     plan_payloads,
     read_payload,
     read_plan,
     report_payloads,
+    return_payload,
     transmitted_plan,
 )
 from tests.mission.team.team_plans import BEGIN_S, FRAME, plan, zigzag
@@ -113,6 +112,23 @@ def test_a_short_answer_takes_few_bytes():
     assert len(payload) == 13
 
 
+@given(st.floats(-1500.0, 17_000.0))
+def test_the_altitude_of_a_return_takes_eight_bytes(altitude_m):
+    """In steps of 0.25 m between -1,000 m and 15,383.75 m, the nearest one."""
+    payload = return_payload(STANDING, altitude_m)
+    assert len(payload) == 8
+    found = read_payload(payload)
+    assert found.standing == STANDING
+    assert found.altitude_m == pytest.approx(min(max(altitude_m, -1000.0), 15_383.75), abs=0.125)
+
+
+@pytest.mark.parametrize("size", [7, 9])
+def test_the_altitude_of_a_return_has_two_bytes(size):
+    payload = return_payload(STANDING, 700.0)
+    with pytest.raises(PayloadError, match="return_length"):
+        read_payload((payload + b"\0")[:size])
+
+
 @settings(max_examples=500)
 @given(st.binary(max_size=140))
 def test_any_bytes_are_read_or_refused(payload):
@@ -121,6 +137,7 @@ def test_any_bytes_are_read_or_refused(payload):
         b"\x11\x00\x00\x00\x00\x00",
         b"\x12\x06\x00\x00\x07\x00",
         b"\x12\x06\x00\x00\x07\x00\x07\x00\x01",
+        b"\x14\x00\x00\x00\x00\x00",
     ):
         try:
             found = read_payload(start + payload)
