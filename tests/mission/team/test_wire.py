@@ -178,18 +178,32 @@ def test_a_standing_that_no_member_can_have_is_refused(standing):
         read_payload(payload)
 
 
+SAID = [  # One after the other.
+    Standing(),
+    Standing(None, 65_535, is_pending=True),
+    Standing(65_535, 65_535),
+    Standing(65_535, 0, is_pending=True),
+    Standing(65_535, 0),
+    Standing(65_535, 1, is_pending=True),
+    Standing(1, 1),
+]
+
+
+@pytest.mark.parametrize("standing", [*SAID, Standing(None, 7)])
+def test_a_standing_that_a_member_can_have_is_read_again(standing):
+    (payload,) = report_payloads(Report(standing))
+    assert read_payload(payload).standing == standing
+
+
+def test_another_version_is_refused():
+    (payload,) = report_payloads(Report(STANDING))
+    with pytest.raises(PayloadError, match="version"):
+        read_payload(bytes([payload[0] + 16]) + payload[1:])
+
+
 def test_what_a_member_says_only_ever_moves_on():
-    said = [
-        Standing(),
-        Standing(None, 65_535, is_pending=True),
-        Standing(65_535, 65_535),
-        Standing(65_535, 0, is_pending=True),
-        Standing(65_535, 0),
-        Standing(65_535, 1, is_pending=True),
-        Standing(1, 1),
-    ]
-    for n, one in enumerate(said):
-        assert [one.is_later_than(other) for other in said] == [k < n for k in range(len(said))]
+    for n, one in enumerate(SAID):
+        assert [one.is_later_than(other) for other in SAID] == [k < n for k in range(len(SAID))]
     assert Standing().is_later_than(None)
 
 
