@@ -266,14 +266,16 @@ def field_before_pursuers(
     radius = turn_radius(min(start.airspeed_m_s, limits.v_cruise), limits)
     rates = list[FloatArray]()
     for goal in problem.goals:
+        if math.isinf(begin[3]):  # Nothing comes to the goal before, and V is infinite everywhere.
+            rates.append(rates[-1])
+            continue
         wave = _wave(field, begin, radius, objective.prices.pursued, danger_max)
-        priced = field._replace(rate=field.rate.copy())
+        is_last = len(rates) == len(problem.goals) - 1
+        priced = field if is_last else field._replace(rate=field.rate.copy())
         fill_before_pursuers(wave, priced, objective, _heap(field))
         rates.append(priced.rate)
-        begin, radius = _beyond(goal, wave, field, limits), ANY_COURSE_M
-        if math.isinf(begin[3]):  # Nothing comes to the goal, and V is infinite everywhere.
-            rates += [priced.rate] * (len(problem.goals) - len(rates))
-            break
+        if not is_last:
+            begin, radius = _beyond(goal, wave, field, limits), ANY_COURSE_M
     return _with_values(field, rates, problem, limits)
 
 
