@@ -28,6 +28,7 @@ def flown(share, bank_deg, duration_s, *, begin_s=0.0, step_s=0.2, estimate=None
 
 def test_before_a_turn_it_is_coordinated():
     assert CoordinationEstimate().share == 1.0
+    assert CoordinationEstimate(0.7).share == pytest.approx(0.7)
     assert flown(0.7, 10.0, 60.0).share == 1.0  # Less bank says little.
 
 

@@ -58,7 +58,7 @@ def test_paths_are_hardly_longer_than_the_shortest(num):
         assert passed(plan, places) == num
         circles = [(*place, SHARE * RADIUS_M) for place in places]
         ratios.append(25.0 * plan.objective_s / shortest_m((*START[:2], 0.0), circles, 125.0))
-    assert np.mean(ratios) <= 1.03
+    assert np.mean(ratios) <= 1.015  # Without other ways past the goals it is 1.022 to 1.033.
     assert min(ratios) >= 0.98  # The oracle has few courses and places.
 
 
