@@ -107,7 +107,7 @@ class TeamFlight:
 
     def _set_return_heights(self) -> None:
         """Give each member a return height of its own; some share one where the bounds have too few."""
-        apart_m, most_m = self._team.apart_up_m + 2.0 * self._team.tolerance_up_m, self.mission.bounds.up_m[1]
+        apart_m, most_m = self._team.paths_apart_up_m, self.mission.bounds.up_m[1]
         name = self.dialect.parameter_names["return_height_m"]
         for number, flight in enumerate(self.flights):
             parameters = flight.simulator.autopilot.parameters

@@ -32,3 +32,8 @@ class TeamConfig(Section):
     share_goals: bool = False
     """The goals belong to the team: each is flown by one member, and by another one if that is lost or turns
     home. All members have the same goals in their mission files. See [Shared goals](team.md#shared-goals)."""
+
+    @property
+    def paths_apart_up_m(self) -> float:
+        """The vertical distance of two announced paths that keeps members apart, for all tolerances [m]."""
+        return float(self.apart_up_m + 2.0 * self.tolerance_up_m)

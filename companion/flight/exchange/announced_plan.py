@@ -130,11 +130,6 @@ def can_wait(state: FlightState, ownship: Ownship, current: MissionCurrent | Non
     return any(clear) if tracks.is_steered else all(clear)
 
 
-def returns_apart_m(config: TeamConfig) -> float:
-    """Return the vertical distance of two returns to launch that keeps their aircraft apart [m]."""
-    return float(config.apart_up_m + 2.0 * config.tolerance_up_m)
-
-
 def returns_near(
     state: FlightState, ownship: Ownship, agreement: Agreement, config: TeamConfig
 ) -> frozenset[int]:
@@ -154,8 +149,10 @@ def returns_near(
         The distances.
     """
     own_m = agreement.return_altitude_m = return_altitude_m(state, ownship)
-    others = agreement.return_altitudes_m.items() if own_m is not None else ()
-    return frozenset(other for other, up_m in others if abs(up_m - (own_m or 0.0)) < returns_apart_m(config))
+    if own_m is None:
+        return frozenset()
+    others = agreement.return_altitudes_m.items()
+    return frozenset(other for other, up_m in others if abs(up_m - own_m) < config.paths_apart_up_m)
 
 
 class AnnouncedPlan:

@@ -17,7 +17,6 @@ from companion.flight.exchange.announced_plan import (
     announced_rows,
     can_wait,
     proposed_plan,
-    returns_apart_m,
     returns_near,
 )
 from companion.flight.exchange.circle_aside import (
@@ -197,7 +196,7 @@ class TeamExchange:
             return
         near = returns_near(state, ownship, agreement, config)
         if near - self._returns_near:
-            fault = f"RTL height near system {listed(near)}'s: {returns_apart_m(config):.0f} m needed"
+            fault = f"RTL height near system {listed(near)}'s: {config.paths_apart_up_m:.0f} m needed"
             self._announcer.decide(DecisionKind.TEAM, fault, tell="check", about="return height", fault=fault)
         self._returns_near = near
 
@@ -364,7 +363,7 @@ class TeamExchange:
             return tuple(tracks)
         sighted, others = members_among(tracks, config.members)
         reach_m = config.apart_m + 2.0 * config.tolerance_m + PLANNED_SLACK_M
-        up_m = config.apart_up_m + 2.0 * config.tolerance_up_m
+        up_m = config.paths_apart_up_m
         as_announced = agreement.members_as_announced(now_s + ahead_s)
         others += [
             replace(track, max_threat_radius_m=reach_m, flies_on=True, is_airborne=True, clear_up_m=up_m)

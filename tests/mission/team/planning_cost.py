@@ -49,7 +49,7 @@ def others(mission, num, heights_m, team):
 def tracks_of(mission, plans, team):
     """What the service has the planner know of them."""
     reach_m = team.apart_m + 2.0 * team.tolerance_m + PLANNED_SLACK_M
-    up_m = team.apart_up_m + 2.0 * team.tolerance_up_m
+    up_m = team.paths_apart_up_m
     area = np.array([mission.bounds.east_m, mission.bounds.north_m, mission.bounds.up_m])
     near = [plan for plan in plans if may_come_into(area, plan, reach_m, up_m)]
     return [track_of_plan(plan, 0.0, 0.0, reach_m, up_m) for plan in near]
